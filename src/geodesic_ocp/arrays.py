@@ -23,7 +23,9 @@ def is_symbolic(*values: object) -> bool:
 
 
 def as_expression(name: str, value: Any) -> ca.SX:
-    """The value as a matrix of CasADi expressions, also from a list of rows; else ValueError."""
+    """Return the value as a matrix of CasADi expressions, also from a list of rows; else
+    ValueError.
+    """
     try:
         rows = [ca.horzcat(*row) for row in value] if isinstance(value, (list, tuple)) else []
         return ca.SX(ca.vertcat(*rows) if rows else value)
@@ -35,14 +37,18 @@ def as_expression(name: str, value: Any) -> ca.SX:
 
 
 def real_array(value: Any, name: str = "values") -> Array:
-    """A new array of floats; TypeError or ValueError if the value is not made of real numbers."""
+    """Return a new array of floats; TypeError or ValueError if the value is not made of real
+    numbers.
+    """
     if np.iscomplexobj(value):  # NumPy would drop the imaginary part
         raise ValueError(f"{name} must be real numbers, got complex ones")
     return np.array(value, dtype=float)
 
 
 def as_vector(name: str, value: ArrayLike, size: int) -> Array:
-    """The value as a finite 1-d array of `size` floats; ValueError names the argument otherwise."""
+    """Return the value as a finite 1-d array of `size` floats; ValueError names the argument
+    otherwise.
+    """
     try:
         array = real_array(value)
     except (TypeError, ValueError):
@@ -92,7 +98,9 @@ def as_positive(name: str, value: float, unit: str = "") -> float:
 
 
 def as_not_negative(name: str, value: float, unit: str = "") -> float:
-    """The value as a finite float that is not negative; ValueError names the argument otherwise."""
+    """Return the value as a finite float that is not negative; ValueError names the argument
+    otherwise.
+    """
     number = as_number(name, value)
     if number < 0.0:
         raise ValueError(
@@ -102,7 +110,7 @@ def as_not_negative(name: str, value: float, unit: str = "") -> float:
 
 
 def as_integer(name: str, value: object, least: int) -> int:
-    """The value as an integer of at least `least`; ValueError names the argument otherwise."""
+    """Return the value as an integer of at least `least`; ValueError names the argument otherwise."""
     try:
         number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
@@ -159,6 +167,6 @@ def _short(entry: Any) -> str:
 
 
 def rotation_vector(rotation: Array) -> Array:
-    """Axis times angle (..., 3) [rad] of rotation matrices (..., 3, 3), accurate up to pi."""
+    """Return axis times angle (..., 3) [rad] of rotation matrices (..., 3, 3), accurate up to pi."""
     result: Array = Rotation.from_matrix(rotation).as_rotvec()
     return result

@@ -253,7 +253,8 @@ def as_json(value: Any) -> Any:
 
 @contextmanager
 def replacing(target: Path, *, lasting: bool = False) -> Iterator[Path]:
-    """A path in the same folder, whose file becomes the target; a failure leaves that as it was.
+    """Yield a path in the same folder, whose file becomes the target; a failure leaves that as it
+    was.
 
     The file has the permissions of any new one. If lasting, it is on the disk when this ends.
 

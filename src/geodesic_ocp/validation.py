@@ -92,12 +92,14 @@ def cylinder(radius: float) -> SurfaceOfRevolution:
 
 
 def cone(half_angle: float) -> SurfaceOfRevolution:
-    """The cone whose sides are at half_angle [rad] to its axis; u is the distance to its apex."""
+    """Return the cone whose sides are at half_angle [rad] to its axis; u is the distance to its
+    apex.
+    """
     return SurfaceOfRevolution(lambda u: u * ca.sin(half_angle), lambda u: 1.0)
 
 
 def torus(major: float, minor: float) -> SurfaceOfRevolution:
-    """The torus of radii `major` and `minor` [m]; u is the angle about the tube, 0 outside."""
+    """Return the torus of radii `major` and `minor` [m]; u is the angle about the tube, 0 outside."""
     return SurfaceOfRevolution(lambda u: major + minor * ca.cos(u), lambda u: minor)
 
 
@@ -113,7 +115,8 @@ def planar_arm(
     inertias: Sequence[float],
     backend: str | None = None,
 ) -> Model:
-    """Links that turn about parallel axes, one after the other; the hand, "tip", is at the end.
+    """Return links that turn about parallel axes, one after the other; the hand, "tip", is at the
+    end.
 
     Args:
         lengths: lengths of the links [m].
@@ -175,7 +178,8 @@ def has_model(description: Mapping[str, Any]) -> bool:
 
 
 def check_description(description: object) -> dict[str, Any]:
-    """The description of a metric, if its kind is known and its fields are those of the kind.
+    """Return the description of a metric, if its kind is known and its fields are those of the
+    kind.
 
     Raises:
         ValueError: names what is missing, not known, or not of the kind.

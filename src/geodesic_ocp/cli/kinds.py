@@ -128,7 +128,8 @@ def _has_positions(file: Path) -> bool:
 
 
 def folder_files(folder: Path) -> list[Path]:
-    """The trajectory that retarget wrote, or the synergies of analyse, or the solutions of solve.
+    """Return the trajectory that retarget wrote, or the synergies of analyse, or the solutions of
+    solve.
 
     Raises:
         RecordingError: the folder has none of these, or those of many recordings.

@@ -275,7 +275,9 @@ def _found(names: Sequence[str]) -> Iterator[_Found]:
 
 
 def _together(right: Recording, left: Recording) -> tuple[Motion, Model]:
-    """Both arms of a person as one motion of one model, with the origin between the shoulders."""
+    """Return both arms of a person as one motion of one model, with the origin between the
+    shoulders.
+    """
     height = stature(right.model) or DEFAULT_HEIGHT
     across = trunk().half_width * height
     model = combine(right.model, left.model, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
@@ -334,7 +336,7 @@ def _parts(
 
 
 def _named_beside(file: Path) -> list[str]:
-    """Names of the robots in the files of synergies beside a trajectory, if all are known."""
+    """Return names of the robots in the files of synergies beside a trajectory, if all are known."""
     one = file.with_name("synergies.json")
     beside = [one] if one.is_file() else sorted(file.parent.glob("synergies_[0-9].json"))
     names = [

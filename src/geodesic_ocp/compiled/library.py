@@ -68,7 +68,8 @@ def compiler_choice() -> str:
 
 
 def compilers() -> list[Compiler]:
-    """The compilers that may be used, the quickest first and the one of the fastest code last.
+    """Return the compilers that may be used, the quickest first and the one of the fastest code
+    last.
 
     Raises:
         ValueError: the environment variable is none of `CHOICES`.
@@ -351,7 +352,9 @@ def _run(started: Callable[[], None], job: Path, key: str, command: list[str]) -
 
 @lru_cache(maxsize=1)
 def _versions() -> str:
-    """Versions of what makes the functions, with the package's own code, which may be edited."""
+    """Return versions of what makes the functions, with the package's own code, which may be
+    edited.
+    """
     versions = []
     for name in ("geodesic_ocp", "casadi", "pin"):
         with suppress(PackageNotFoundError):  # conda-forge's Pinocchio

@@ -33,7 +33,8 @@ _CORE = (
 
 
 def _coefficients() -> Any:
-    """SciPy's module of coefficients, read from its file without the rest of scipy.integrate.
+    """Return SciPy's module of coefficients, read from its file without the rest of
+    scipy.integrate.
 
     The import of that takes longer than all integrations of an analysis.
     """
@@ -64,7 +65,7 @@ def core_text() -> str:
 
 
 def source_text(functions: Mapping[str, ca.Function], dim: int) -> str:
-    """C text of CasADi functions, and of the core that calls them on R^dim if dim is not 0."""
+    """Return C text of CasADi functions, and of the core that calls them on R^dim if dim is not 0."""
     generator = ca.CodeGenerator("functions.c", {"with_header": False})
     for name, function in functions.items():
         assert function.name() == name

@@ -52,7 +52,9 @@ def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:
 def joint_forces(
     robots: Sequence[Model], gravities: Sequence[Array], q: Array, v: Array, a: Array
 ) -> Array:
-    """Inverse dynamics of robots side by side at a state (N,) or at states (k, N) [N m or N]."""
+    """Return inverse dynamics of robots side by side at a state (N,) or at states (k, N) [N m or
+    N].
+    """
     ends = np.cumsum([robot.dof for robot in robots])[:-1]
     states = (np.split(each, ends, axis=-1) for each in (q, v, a))
     forces = [

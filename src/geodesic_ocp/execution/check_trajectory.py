@@ -220,7 +220,9 @@ def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: Arra
 
 
 def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
-    """Largest distance from the middle of the range over half the range (n,); 0 if unlimited."""
+    """Return largest distance from the middle of the range over half the range (n,); 0 if
+    unlimited.
+    """
     limited = np.isfinite(lower) & np.isfinite(upper)
     low, high = (np.where(limited, side, 0.0) for side in (lower, upper))
     half = np.where(limited, np.maximum((high - low) / 2.0, np.finfo(float).tiny), np.inf)
@@ -277,7 +279,7 @@ def _worst(excess: Array) -> Iterator[tuple[int, int]]:
 def _contradictions(
     trajectory: JointTrajectory, found: Mapping[str, tuple[Array, Array]]
 ) -> Iterator[str]:
-    """Velocities that are not the derivatives of positions, accelerations not of velocities."""
+    """Yield velocities that are not the derivatives of positions, accelerations not of velocities."""
     time = trajectory.time
     words = ("velocities", "positions", ""), ("accelerations", "velocities", "/s")
     for (kind, of, per), (missed, bounds) in zip(words, found.values(), strict=True):
@@ -357,7 +359,7 @@ def _unrest(trajectory: JointTrajectory) -> Iterator[str]:
 
 
 def _least_clearance(trajectory: JointTrajectory, clearance: Clearance) -> tuple[float, list[str]]:
-    """The least of all distances [m], and a sentence for each that is below its lower bound."""
+    """Return the least of all distances [m], and a sentence for each that is below its lower bound."""
     joints = len(trajectory.joint_names)
     if clearance.dof != joints:
         raise ValueError(f"clearance must be of the {joints} joints of all models: {clearance!r}")

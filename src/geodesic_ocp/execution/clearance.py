@@ -82,7 +82,8 @@ def keep_clear(
     margin: float = MARGIN,
     placements: Sequence[Any] | None = None,
 ) -> Clearance | None:
-    """Distances of the capsules of links from each other and from obstacles; None if there are no.
+    """Return distances of the capsules of links from each other and from obstacles; None if there
+    are no.
 
     The capsules contain the links, so the distances are lower bounds of the exact ones, except for
     pairs with an excess (`LinkPairs.excess`), which is added to them.

@@ -119,7 +119,8 @@ def joint_limits(
     jerk: ArrayLike | Mapping[str, float] | None = None,
     torque: ArrayLike | Mapping[str, float] | None = None,
 ) -> JointLimits:
-    """Limits of a model's joints: given ones, else the file's, else published ones, else defaults.
+    """Return limits of a model's joints: given ones, else the file's, else published ones, else
+    defaults.
 
     Files of robots state limits on speed and torque; zero and very large numbers in them count as
     no limit. Few makers publish limits on acceleration and jerk (`sources` names the document). The
@@ -230,7 +231,7 @@ def published_limits() -> Mapping[str, KnownLimits]:
 
 
 def known_limits(model: Model) -> KnownLimits | None:
-    """The published limits of this robot, known by name and joints; None if there are none."""
+    """Return the published limits of this robot, known by name and joints; None if there are none."""
     name = re.sub(r" with [0-9.e+-]+ kg$", "", model.name)  # that of a model with a payload
     known = published_limits().get(name)
     if known is None or model.dof != len(known.joints):

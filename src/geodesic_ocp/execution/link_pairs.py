@@ -351,7 +351,9 @@ def _is_one_robot(
 def _within_reach(
     models: Sequence[Model], bases: Sequence[Pose], solids: Sequence[PlacedSolid], placed: bool
 ) -> tuple[PlacedSolid, ...]:
-    """All links but the fixed ones that no moving link can reach, by the lengths of all links."""
+    """Return all links but the fixed ones that no moving link can reach, by the lengths of all
+    links.
+    """
     balls = []
     for arm, (model, (base, origin)) in enumerate(zip(models, bases, strict=True)):
         if moving := [each.solid for each in solids if each.arm == arm and each.moves]:
@@ -370,7 +372,7 @@ def _within_reach(
 
 
 def capsule_distances(one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose]) -> Array:
-    """Signed distances (c, k) [m] of all pairs of capsules of two links, at k sampled poses."""
+    """Return signed distances (c, k) [m] of all pairs of capsules of two links, at k sampled poses."""
     starts, ends, radii = _placed_capsules(one, poses)
     other_starts, other_ends, other_radii = _placed_capsules(other, poses)
     apart = segment_distances(
@@ -392,12 +394,12 @@ def _placed_capsules(each: PlacedSolid, poses: Sequence[Pose]) -> tuple[Array, A
 def exact_distance_at(
     one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], sample: int
 ) -> float:
-    """Distance [m] of two links at one sample, of their exact geometry; 0 if they overlap."""
+    """Return distance [m] of two links at one sample, of their exact geometry; 0 if they overlap."""
     return exact_distance(*one.posed(poses, sample), *other.posed(poses, sample))
 
 
 def as_configurations(name: str, value: ArrayLike, dof: int) -> Array:
-    """The value as finite configurations (k, dof); ValueError names the argument otherwise."""
+    """Return the value as finite configurations (k, dof); ValueError names the argument otherwise."""
     q = np.asarray(value, dtype=float)
     if q.ndim != 2 or q.shape[1] != dof or not np.isfinite(q).all():
         raise ValueError(f"{name} must be finite, of shape (k, {dof}), got {q.shape}")

@@ -46,7 +46,8 @@ ElbowOffsets = tuple[Callable[[Array], Array], Callable[[Array], Array]]
 
 
 def spectral_arc_length(speed: Array, rate: float) -> float:
-    """Minus the length of the normalized amplitude spectrum of a speed (k,) sampled at a rate [Hz].
+    """Return minus the length of the normalized amplitude spectrum of a speed (k,) sampled at a
+    rate [Hz].
 
     Nearer to zero for smoother movements, independent of amplitude and duration. By Balasubramanian
     et al., "On the analysis of movement smoothness", J. NeuroEngineering and Rehabilitation 12
@@ -186,7 +187,8 @@ def compare_with_tracking(
     placing: bool = True,
     name: str = "geodesic synergies",
 ) -> dict[str, MotionMeasures]:
-    """Measures of a trajectory, and of inverse kinematics that tracks the hand (`measures_table`).
+    """Return measures of a trajectory, and of inverse kinematics that tracks the hand
+    (`measures_table`).
 
     All begin in one configuration and are under the same limits on joints, speeds and
     accelerations, from rest to rest. The hand is tracked in the time of the trajectory, and once

@@ -90,7 +90,8 @@ def _check_ends(name: str, arm: ArmPaths) -> None:
 def attainable(
     arms: Sequence[ArmPaths], clearances: Sequence[Clearance], exact: bool
 ) -> tuple[Sequence[Clearance], str]:
-    """Clearances without the distances that given configurations violate, and a sentence on these.
+    """Return clearances without the distances that given configurations violate, and a sentence on
+    these.
 
     Args:
         arms: arms with their paths.
@@ -203,7 +204,8 @@ class PlannedTrajectory(ShortRepr):
         return np.asarray(np.interp(times, self.edges, self.robot_edges))
 
     def states(self, times: ArrayLike, arm: int | None = None) -> tuple[Array, Array, Array, Array]:
-        """Positions, velocities, accelerations and jerks of one arm or all arms, (k, n) each.
+        """Return positions, velocities, accelerations and jerks of one arm or all arms, (k, n)
+        each.
 
         Jerks are those that follow a time. Outside the trajectory the robot is where it begins or
         ends, and still.
@@ -229,7 +231,8 @@ class PlannedTrajectory(ShortRepr):
         return q, v, a, j
 
     def sampled(self, rate: float = 100.0) -> JointTrajectory:
-        """All joints at a uniform rate [Hz], from 0 on, with the torques of inverse dynamics.
+        """Return all joints at a uniform rate [Hz], from 0 on, with the torques of inverse
+        dynamics.
 
         The last sample is the first one at or after the end of a trajectory that ends at rest, and
         holds still; it is the last one before the end of any other.
@@ -251,7 +254,9 @@ class PlannedTrajectory(ShortRepr):
 
 
 def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[PathDeviation, ...]:
-    """Distances of a spline from the paths that it follows between times `ends` (k + 1,) [s]."""
+    """Return distances of a spline from the paths that it follows between times `ends` (k + 1,)
+    [s].
+    """
     found = []
     for path, start, end in zip(arm.paths, ends[:-1], ends[1:], strict=True):
         count = int(np.clip(100.0 * (end - start), 20, 400))
@@ -277,7 +282,8 @@ def plan_trajectory(
     progress: Progress = no_progress,
     throw: bool = True,
 ) -> PlannedTrajectory:
-    """The motion of all arms along their paths, as near to the person's timing as limits allow.
+    """Return the motion of all arms along their paths, as near to the person's timing as limits
+    allow.
 
     A cubic spline in time, from a nonlinear program that is solved by Ipopt: positions, velocities
     and accelerations are continuous, and they, jerks and torques (inverse dynamics with gravity)

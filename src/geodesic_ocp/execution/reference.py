@@ -53,7 +53,9 @@ class Knots:
 
     @classmethod
     def spaced(cls, edges: Array, durations: Array) -> Knots:
-        """About 40 ms apart when the intervals (m,) between edges (m + 1,) take these durations."""
+        """Return about 40 ms apart when the intervals (m,) between edges (m + 1,) take these
+        durations.
+        """
         spacing = max(_SPACING, float(durations.sum()) / _MOST)
         return cls(edges, np.maximum(np.ceil(durations / spacing), _LEAST).astype(int))
 
@@ -179,7 +181,8 @@ class Course:
         return np.asarray(np.append(rests, False) | np.append(False, rests))
 
     def as_recorded(self, rest: bool, stops: bool = False) -> Reference:
-        """The paths with smooth progress in the recording's time, slowed down in their corners.
+        """Return the paths with smooth progress in the recording's time, slowed down in their
+        corners.
 
         Args:
             rest: whether the arm is at rest at both ends.
@@ -197,7 +200,9 @@ class Course:
         return self._at(np.clip(s, 0.0, 1.0))
 
     def nearest(self, positions: Array) -> Reference:
-        """The points of the paths nearest to positions (knots, n), in order along every path."""
+        """Return the points of the paths nearest to positions (knots, n), in order along every
+        path.
+        """
         s = np.zeros(len(positions))
         grid = np.linspace(0.0, 1.0, _SAMPLES)
         for path, (first, last) in zip(self.arm.paths, pairwise(self.at), strict=True):
@@ -211,7 +216,7 @@ class Course:
         return self._at(s)
 
     def _at(self, s: Array) -> Reference:
-        """At path parameters s (knots,); a knot at a junction is where the next path begins."""
+        """Return at path parameters s (knots,); a knot at a junction is where the next path begins."""
         s = s.copy()
         s[self.at[:-1]] = 0.0
         positions, tangents = np.empty((2, s.size, self.arm.robot.dof))
@@ -222,7 +227,7 @@ class Course:
         return Reference(positions, tangents)
 
     def _slopes(self, rest: bool, stops: bool) -> Array:
-        """Derivatives (k, 2) of the parameter of every path at its ends, over its duration."""
+        """Return derivatives (k, 2) of the parameter of every path at its ends, over its duration."""
         durations = np.diff(self.arm.edges)
         lengths = np.array([path.length for path in self.arm.paths])
         speeds = np.zeros(lengths.size + 1)
@@ -236,7 +241,9 @@ class Course:
         return np.minimum(both * _ratio(durations, lengths)[:, None], 3.0)
 
     def _cosines(self) -> Array:
-        """Cosines of the angles between successive paths in the metric, at least zero, (k - 1,)."""
+        """Return cosines of the angles between successive paths in the metric, at least zero, (k -
+        1,).
+        """
         found = []
         for before, after in pairwise(self.arm.paths):
             metric = self.arm.robot.mass_matrix(after(0.0))
@@ -292,7 +299,7 @@ class JointSpline(ShortRepr):
         return self._extremes(self.curve.c, [_ratio(both, a), _ratio(c, both)])
 
     def _extremes(self, powers: Array, turns: Sequence[Array]) -> tuple[Array, Array]:
-        """Least and largest values of polynomials in pieces (k, n) at their ends and turns."""
+        """Return least and largest values of polynomials in pieces (k, n) at their ends and turns."""
         end = np.broadcast_to(np.diff(self.curve.x)[:, None], powers.shape[1:])
         times = [0.0 * end, end, *(np.clip(turn, 0.0, end) for turn in turns)]
         values = [np.polyval(powers, t) for t in times]

@@ -142,7 +142,8 @@ def track_within_limits(
 def _targets(
     time: ArrayLike, poses: Poses | tuple[ArrayLike, ArrayLike], step: float
 ) -> tuple[Array, Array, Array]:
-    """Rotations and positions of the hand at the ends of steps [s], and its velocities (k - 1, 6).
+    """Return rotations and positions of the hand at the ends of steps [s], and its velocities (k -
+    1, 6).
 
     After the last time, the pose is the last one. Velocities are those of translation [m/s] and
     rotation [rad/s] from each pose to the next. Poses between samples are of cubic splines.

@@ -188,7 +188,8 @@ def _closest(
 def _relative_motion(
     one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose]
 ) -> tuple[Array, Array, float]:
-    """Rotations (k, 3, 3), positions (k, 3) and extent [m] of a link, seen from the other one.
+    """Return rotations (k, 3, 3), positions (k, 3) and extent [m] of a link, seen from the other
+    one.
 
     Of the two links that with the smaller extent is seen from the other.
     """

@@ -261,7 +261,7 @@ class TrajectoryProgram:
         return Block(Terms(q, constraints=distance), columns, None, lower, upper)
 
     def _stretch(self, total: float) -> Block:
-        """The time beyond the person's, and its square, so that no interval bears all of it."""
+        """Return the time beyond the person's, and its square, so that no interval bears all of it."""
         person = self.knots.person
         duration, p = ca.SX.sym("T"), ca.SX.sym("p", 3)
         more = duration - p[0]
@@ -314,7 +314,8 @@ _MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little
 def watched_at_first(
     program: TrajectoryProgram, durations: Array, clearances: Sequence[Clearance]
 ) -> Watched:
-    """Jerks of joints that take longer than a piece to reach their accelerations, and no more.
+    """Return jerks of joints that take longer than a piece to reach their accelerations, and no
+    more.
 
     Args:
         program: program with its knots.
@@ -374,7 +375,8 @@ def _kept(watched: WatchedDistances, found: Array) -> WatchedDistances:
 def _at_knots_of(
     excess: Array, near: float, kept: float, tolerance: float
 ) -> tuple[NDArray[np.bool_], Array]:
-    """Knots at which limits are to be minded, and what is to be taken off there, (knots, m) each.
+    """Return knots at which limits are to be minded, and what is to be taken off there, (knots, m)
+    each.
 
     The program will keep limits at knots: what values exceed them by in between is taken off.
 

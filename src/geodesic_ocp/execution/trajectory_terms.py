@@ -137,7 +137,8 @@ class ArmTerms:
         return Block(Terms(z, p, objective), self.indices(np.arange(count)), values)
 
     def motion(self, steps: Array, exact: bool) -> Block:
-        """The two equations of motion of every joint in every piece, and the cost of the jerk.
+        """Return the two equations of motion of every joint in every piece, and the cost of the
+        jerk.
 
         Args:
             steps: weights of the squared changes of the accelerations (pieces,).
@@ -198,7 +199,8 @@ class ArmTerms:
         return Block(Terms(z, constraints=used), self.indices(knots), None, -upper, upper)
 
     def hand_poses(self, tolerance: tuple[float, float]) -> Block:
-        """Errors of the hand's position [m] and rotation vector [rad] at the ends of the paths.
+        """Return errors of the hand's position [m] and rotation vector [rad] at the ends of the
+        paths.
 
         Each is within a box inside the ball of its tolerance: the box's sides are linear.
         """

@@ -146,7 +146,9 @@ def widest_columns(values: Array, count: int) -> list[int]:
 
 
 def widest_of_thirds(values: Array) -> list[int]:
-    """The column of largest range in each third of (k, m): shoulder, elbow and wrist of an arm."""
+    """Return the column of largest range in each third of (k, m): shoulder, elbow and wrist of an
+    arm.
+    """
     thirds = [third for third in np.array_split(np.arange(values.shape[1]), 3) if len(third)]
     return [int(third[widest_columns(values[:, third], 1)[0]]) for third in thirds]
 

@@ -158,7 +158,9 @@ def _placed(mesh: Mesh, moves: bool, rotation: Array, position: Array) -> list[C
 
 
 def _joined(parts: tuple[Mesh, ...]) -> list[Mesh]:
-    """One mesh for each link whose meshes lie within each other or touch, as those of a robot."""
+    """Return one mesh for each link whose meshes lie within each other or touch, as those of a
+    robot.
+    """
     joined: dict[str, list[Mesh]] = {}
     for part in parts:
         joined.setdefault(part.link, []).append(part)
@@ -207,7 +209,9 @@ def _halves(points: Array, depth: int) -> list[Array]:
 
 
 def _volume(points: Array) -> float:
-    """Volume of the convex hull [m^3] of about as many points as are enough; 0 if it is flat."""
+    """Return volume of the convex hull [m^3] of about as many points as are enough; 0 if it is
+    flat.
+    """
     some = points[:: max(1, len(points) // _TESTED)]
     try:
         return float(scipy.spatial.ConvexHull(some).volume)
@@ -216,7 +220,9 @@ def _volume(points: Array) -> float:
 
 
 def extreme_points(points: Array) -> Array:
-    """The points (k, 3) that are extreme in any of many directions evenly spread on a sphere."""
+    """Return the points (k, 3) that are extreme in any of many directions evenly spread on a
+    sphere.
+    """
     turns = np.arange(_DIRECTIONS) * np.pi * (3.0 - np.sqrt(5.0))  # a Fibonacci lattice
     heights = 1.0 - (2.0 * np.arange(_DIRECTIONS) + 1.0) / _DIRECTIONS
     radii = np.sqrt(1.0 - heights**2)
@@ -384,7 +390,8 @@ def approach(
 
 
 def gap_directions(near: NearestPoints) -> Array:
-    """Unit vectors (m, 3) along the lines between the nearest points, where they are nearest.
+    """Return unit vectors (m, 3) along the lines between the nearest points, where they are
+    nearest.
 
     Of all configurations in which the bodies are about as near as they ever come.
     """

@@ -150,7 +150,9 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
 
 
 def limits_reached(path: Path, model: Model | None) -> list[list[float]]:
-    """The joint limits of a model that each coordinate reaches, if it moves; without one, none."""
+    """Return the joint limits of a model that each coordinate reaches, if it moves; without one,
+    none.
+    """
     if model is None:
         return [[] for _ in range(path.metric.dim)]
     near = _REACHED * np.minimum(model.upper - model.lower, 1.0)

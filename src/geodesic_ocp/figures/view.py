@@ -86,7 +86,9 @@ class View:
         return View(turn @ self.right, turn @ self.up)
 
     def outlines(self, points: Array) -> Array:
-        """Outlines of convex hulls of points (..., k, 3), (..., 64, 2) [m], counter-clockwise."""
+        """Return outlines of convex hulls of points (..., k, 3), (..., 64, 2) [m],
+        counter-clockwise.
+        """
         flat = self.plane(points)
         extreme = np.argmax(flat @ DIRECTIONS.T, axis=-2)
         return np.take_along_axis(flat, extreme[..., None], axis=-2)

@@ -253,7 +253,9 @@ class MetricProgram(ShortRepr):
         return LeastErrors(self.mean_squares(z) / 2.0, gradients, hessians)
 
     def _curvatures(self, z: Array, lam_g: Array) -> Array:
-        """Second derivatives (recordings, p, p) of each one's equations by the parameters alone."""
+        """Return second derivatives (recordings, p, p) of each one's equations by the parameters
+        alone.
+        """
         p, hessians = self.size, np.zeros((len(self.parts), self.size, self.size))
         for k, part in enumerate(self.parts):
             block = part.equations(self._first[k], self.start)

@@ -114,7 +114,9 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
 
 
 def _matching(parameter: Parameter, joint_names: Sequence[str], count: int) -> set[int]:
-    """Indices of the joints that share a parameter's value; ValueError if a pattern has none."""
+    """Return indices of the joints that share a parameter's value; ValueError if a pattern has
+    none.
+    """
     if not parameter.joints:
         return set(range(count))
     chosen: set[int] = set()

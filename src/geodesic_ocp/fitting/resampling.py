@@ -30,7 +30,8 @@ _LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
 def separate_fits(
     fit: MetricFit, by: str = "recording", *, progress: Progress | None = None
 ) -> dict[str, MetricFit]:
-    """A fit of every recording, or of every subject with all recordings, on the same segments.
+    """Return a fit of every recording, or of every subject with all recordings, on the same
+    segments.
 
     By the name of the recording or the subject.
 
@@ -217,7 +218,7 @@ def bootstrap_fit(
 
 
 def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
-    """Minimizers (count, 1) of the weighted sums of the recordings' interpolated profiles."""
+    """Return minimizers (count, 1) of the weighted sums of the recordings' interpolated profiles."""
     logs = np.log(curve.values)
     fine = np.linspace(logs[0], logs[-1], _FINE)
     errors = CubicSpline(logs, curve.errors**2)(fine)  # (fine, recordings)

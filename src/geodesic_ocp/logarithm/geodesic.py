@@ -62,7 +62,7 @@ class Geodesic(Path):
         return ",\n  ".join(lines) + ")"
 
     def plot(self) -> Figure:
-        """Coordinates and speed over s, the path of the hand or in the plane, and the arm."""
+        """Return coordinates and speed over s, the path of the hand or in the plane, and the arm."""
         return draw_path(self, f"geodesic of length {self.length:.4g}")
 
 
@@ -107,7 +107,8 @@ def geodesics(
     seed: int = 0,
     solver: str | None = None,
 ) -> tuple[Geodesic, ...]:
-    """All distinct geodesics from q0 to q1 that are found from several starts, shortest first.
+    """Return all distinct geodesics from q0 to q1 that are found from several starts, shortest
+    first.
 
     The initial guesses are the straight line, straight lines to goals a period away where the
     metric has `periods` (a revolution of a continuous joint), paths through random waypoints, and
@@ -183,7 +184,8 @@ def _sample_path(metric: Metric, found: ConnectingGeodesic) -> Geodesic:
 def sampled(
     found: ConnectingGeodesic, integrate: Callable[[Array], tuple[Array, Array]]
 ) -> tuple[Grid, Array]:
-    """The coarsest grid that resolves the velocity of a geodesic, and the positions at its nodes.
+    """Return the coarsest grid that resolves the velocity of a geodesic, and the positions at its
+    nodes.
 
     Args:
         found: the geodesic.

@@ -75,7 +75,8 @@ def geodesic_to_pose(
     method: Method = "newton",
     throw: bool = True,
 ) -> ToPose:
-    """The geodesic from a configuration whose end brings the hand (end-effector) nearest to a pose.
+    """Return the geodesic from a configuration whose end brings the hand (end-effector) nearest to
+    a pose.
 
     min over v = q'(0) of 1/2 |(a dp, b dr)|^2 + w/2 |v|_G^2 / tr G, where dp and dr are the
     translation and the rotation vector from the hand at Exp_start(v) to the pose; the rotation
@@ -168,7 +169,7 @@ def _as_result(target: PoseTarget, found: ShootingResult, given: Array) -> ToPos
 
 
 def nearest_of(found: Sequence[ToPose]) -> ToPose:
-    """The one with the smallest pose error; among equal ones, that of the smallest energy."""
+    """Return the one with the smallest pose error; among equal ones, that of the smallest energy."""
     smallest = min(each.position_error + each.rotation_error for each in found)
     return min(
         (each for each in found if each.position_error + each.rotation_error <= smallest + 1e-6),

@@ -282,7 +282,8 @@ def are_nearby(q0: Array, q1: Array) -> bool:
 
 
 def _velocity_to_nearby(metric: Metric, q0: Array, q1: Array) -> Array | None:
-    """Log_q0(q1) (n,) by integrating the displacement, which keeps its digits; None if too far.
+    """Return Log_q0(q1) (n,) by integrating the displacement, which keeps its digits; None if too
+    far.
 
     A fixed-point iteration: over short distances, the displacement is nearly the initial velocity.
     """
@@ -356,7 +357,9 @@ def _random_direction(
     size: tuple[float, float],
     near: ConnectingGeodesic | None = None,
 ) -> Array:
-    """Random vector (n,) whose length is in this range, relative to that of a geodesic if given."""
+    """Return random vector (n,) whose length is in this range, relative to that of a geodesic if
+    given.
+    """
     direction = rng.normal(size=metric.dim)
     length = np.exp(rng.uniform(*np.log(size)))
     if near is None:

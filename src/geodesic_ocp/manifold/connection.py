@@ -26,7 +26,7 @@ class ParametricCurve(Protocol):
         """Increasing parameter values (k,) from the start of the curve to its end."""
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
-        """Positions (len(s), n) at s, or derivatives of the given order with respect to s."""
+        """Return positions (len(s), n) at s, or derivatives of the given order with respect to s."""
 
 
 def parallel_transport(
@@ -156,7 +156,8 @@ def riemann_curvature(
 
 
 def sectional_curvature(metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike) -> float:
-    """Sectional curvature <R(u, v) v, u> / (|u|^2 |v|^2 - <u, v>^2) of the plane of u and v at q.
+    """Return sectional curvature <R(u, v) v, u> / (|u|^2 |v|^2 - <u, v>^2) of the plane of u and v
+    at q.
 
     It depends on the plane only: 1 on the unit sphere, 0 in flat space. If it is negative,
     geodesics from the same point diverge.
@@ -184,7 +185,8 @@ def sectional_curvature(metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike
 
 
 def scalar_curvature(metric: Metric, q: ArrayLike) -> float:
-    """Scalar curvature at q: the sum of sectional curvatures over ordered pairs of basis vectors.
+    """Return scalar curvature at q: the sum of sectional curvatures over ordered pairs of basis
+    vectors.
 
     The basis is orthonormal, so each plane counts twice; the result is 0 in one dimension.
 

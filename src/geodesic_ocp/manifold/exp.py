@@ -34,7 +34,8 @@ _DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
 
 @over_rows
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
-    """Exp_q(v): the point at time 1 of the geodesic from q (n,) with initial velocity v (n,).
+    """Return Exp_q(v): the point at time 1 of the geodesic from q (n,) with initial velocity v
+    (n,).
 
     sum_j g_ij q''_j + sum_jk Gamma_ijk q'_j q'_k = 0, q(0) = q, q'(0) = v, integrated with a method
     of order 8 and adaptive steps. `tolerance` [rad or m] bounds the error of the end point, which

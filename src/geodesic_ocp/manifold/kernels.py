@@ -257,7 +257,9 @@ class Kernels(Library):
         return states, errors
 
     def transport_matrices(self, curve: Array) -> Array:
-        """A (k, n, n) of parallel transport, w' = A w, along positions and velocities (k, 2 n)."""
+        """Return a (k, n, n) of parallel transport, w' = A w, along positions and velocities (k, 2
+        n).
+        """
         result = np.empty((len(curve), self._dim, self._dim))
         rows = np.ascontiguousarray(curve)
         self._call("transport_matrices", c_long(len(curve)), rows, result)

@@ -56,7 +56,9 @@ def has_compiled_code(metric: Any) -> bool:
 
 
 def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
-    """Speeds |v|_q (k,) of velocities (k, n) at positions (k, n); NaN where there is no metric."""
+    """Return speeds |v|_q (k,) of velocities (k, n) at positions (k, n); NaN where there is no
+    metric.
+    """
     if metric.has_constant_tensor:
         squares = np.sum(velocity @ metric.matrix(q[0]) * velocity, axis=1)
         return np.asarray(np.sqrt(squares))
@@ -168,13 +170,14 @@ class Metric(MetricFunctions):
             self.check_domain(f"{name} at {t:.6g}", q)
 
     def _defined(self, values: Any, q: Array) -> Any:
-        """The values of a function at q (n,); ValueError if they are NaN outside the domain."""
+        """Return the values of a function at q (n,); ValueError if they are NaN outside the domain."""
         if np.isnan(values).any():
             self.check_domain("q", q)
         return values
 
     def near_singularity(self, q: Array) -> str:
-        """Why the metric is nearly singular or not defined at q (n,); empty if it is neither.
+        """Return why the metric is nearly singular or not defined at q (n,); empty if it is
+        neither.
 
         Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
         """
@@ -323,7 +326,7 @@ def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -
 
 
 def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
-    """Results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
+    """Yield results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     with ThreadPoolExecutor(usable) as threads:
         yield from threads.map(of_row, range(count))

@@ -110,7 +110,9 @@ class MetricFunctions(ABC):
         )
 
     def transport_matrices(self, curve: Array) -> Array:
-        """The matrices A (k, n, n) of `transport_matrix` along positions and velocities (k, 2n)."""
+        """Return the matrices A (k, n, n) of `transport_matrix` along positions and velocities (k,
+        2n).
+        """
         n = self.dim
         if self.has_constant_tensor:
             return np.zeros((len(curve), n, n))

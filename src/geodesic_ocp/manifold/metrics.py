@@ -366,7 +366,9 @@ def has_default_joint_inertia(model: Model) -> bool:
 
 
 def with_joint_inertia(model: Model) -> Model:
-    """The model with its own armature if it has any, otherwise with the default joint inertia."""
+    """Return the model with its own armature if it has any, otherwise with the default joint
+    inertia.
+    """
     return model if np.any(model.armature) else model.with_armature(default_joint_inertia(model))
 
 
@@ -406,7 +408,7 @@ def compared_metrics(metric: Metric, model: Model) -> dict[str, Metric]:
 
 
 def method_of(metric: Metric) -> str:
-    """The method of `compared_metrics` that has a metric of this kind; "" for other metrics."""
+    """Return the method of `compared_metrics` that has a metric of this kind; "" for other metrics."""
     if isinstance(metric, Euclidean):
         return "euclidean_same_segments"
     if type(metric) is KineticEnergy:
@@ -415,7 +417,9 @@ def method_of(metric: Metric) -> str:
 
 
 def joint_inertia_of(metric: Metric) -> str:
-    """The joint inertia of a kinetic energy in words, such as "0.044 kg m^2"; empty without any."""
+    """Return the joint inertia of a kinetic energy in words, such as "0.044 kg m^2"; empty without
+    any.
+    """
     if method_of(metric) != "joint_inertia":
         return ""
     assert isinstance(metric, KineticEnergy)

@@ -55,7 +55,8 @@ def joint_offset(model: Model, index: int) -> Array:
 
 
 def frame_place(model: Model, frame: str) -> tuple[int, Array, Array]:
-    """Joint that carries a frame, and the frame's rotation (3, 3) and position (3,) [m] on it.
+    """Return joint that carries a frame, and the frame's rotation (3, 3) and position (3,) [m] on
+    it.
 
     Raises:
         ValueError: there is no such frame.

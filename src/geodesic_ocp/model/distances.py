@@ -67,7 +67,9 @@ def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]
 
 
 def segment_distances(start: Array, end: Array, other_start: Array, other_end: Array) -> Array:
-    """Distances (...) [m] between segments, whose ends are (..., 3) each: numbers, many at once."""
+    """Return distances (...) [m] between segments, whose ends are (..., 3) each: numbers, many at
+    once.
+    """
     u, w, between = end - start, other_end - other_start, start - other_start
     products = ((u, u), (u, w), (w, w), (u, between), (w, between))
     s, t = _fractions(*(np.vecdot(*pair) for pair in products))
@@ -82,7 +84,7 @@ def _fractions(a: Any, b: Any, e: Any, c: Any, f: Any, parallel: float = 0.0) ->
 
 
 def _clipped_ratio(numerator: Any, denominator: Any) -> Any:
-    """The ratio from 0 to 1; 0 where the denominator is zero: points, and parallel segments."""
+    """Return the ratio from 0 to 1; 0 where the denominator is zero: points, and parallel segments."""
     if is_symbolic(denominator):
         ratio = ca.SX(0) if denominator.is_zero() else numerator / denominator
         return ca.fmin(ca.fmax(ratio, 0.0), 1.0)
@@ -99,7 +101,8 @@ def signed_distances(
     links: Sequence[str] | None = None,
     pairs: Sequence[tuple[str, str]] = (),
 ) -> dict[str, Any]:
-    """Distances [m] of collision bodies from obstacles and each other; negative if they overlap.
+    """Return distances [m] of collision bodies from obstacles and each other; negative if they
+    overlap.
 
     >>> import geodesic_ocp as go
     >>> table = go.HalfSpace(point=(0.0, 0.0, -0.7), normal=(0.0, 0.0, 1.0), name="table")
@@ -148,7 +151,8 @@ def clearance_constraints(
     pairs: Sequence[tuple[str, str]] = (),
     margin: float = 0.0,
 ) -> list[tuple[float, Any, float, str]]:
-    """Path constraints that keep a model's collision bodies apart from obstacles and each other.
+    """Return path constraints that keep a model's collision bodies apart from obstacles and each
+    other.
 
     Args:
         model: model with collision bodies (`Model.bodies`).
@@ -256,7 +260,8 @@ def nearest_points(
     links: Sequence[str] | None = None,
     pairs: Sequence[tuple[str, str]] = (),
 ) -> dict[str, NearestPoints]:
-    """Nearest points by the names of `signed_distances`, whose arguments and errors these are.
+    """Return nearest points by the names of `signed_distances`, whose arguments and errors these
+    are.
 
     Args:
         model, obstacles, links, pairs: see `signed_distances`; obstacles are numbers.
@@ -294,7 +299,7 @@ def has_symbols(obstacle: Obstacle) -> bool:
 def _nearest(
     model: Model, q: ca.SX, body: Body, other: Obstacle
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Points on the surface of either (3, 1), and their distance; of a plane, for each end."""
+    """Return points on the surface of either (3, 1), and their distance; of a plane, for each end."""
     one = _segment(model, q, body)
     if isinstance(other, HalfSpace):
         normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)

@@ -134,7 +134,8 @@ def why_unavailable(name: str) -> str:
 
 
 def choose_backend(name: str | None = None) -> str:
-    """Name of the back end: the argument, the environment variable, or the first available one.
+    """Return name of the back end: the argument, the environment variable, or the first available
+    one.
 
     A pinocchio.casadi that is installed but cannot be imported is skipped with a RuntimeWarning.
 
@@ -197,7 +198,7 @@ class SymbolicFunctions:
         return evaluate(self._built[key], *self._checked(q=q))
 
     def pose(self, frame: int, q: Any) -> Any:
-        """Rotation and position of a frame at one configuration (n,) or at several (k, n)."""
+        """Return rotation and position of a frame at one configuration (n,) or at several (k, n)."""
         function = self._function("frame_pose", "q", frame)
         if is_symbolic(q) or np.ndim(q) < 2:
             rotation, position = evaluate(function, *self._checked(q=q))

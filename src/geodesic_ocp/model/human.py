@@ -190,7 +190,9 @@ def _inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:
 
 
 def _cylinder_radius(mass: float, name: str, length: float) -> float:
-    """Radius [m] of a cylinder of this mass [kg] and length [m] with the density of a segment."""
+    """Return radius [m] of a cylinder of this mass [kg] and length [m] with the density of a
+    segment.
+    """
     return float(np.sqrt(mass / _DENSITY[name] / (np.pi * length)))
 
 

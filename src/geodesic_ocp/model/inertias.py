@@ -155,7 +155,7 @@ def robot_armature(model: Model) -> RobotArmature:
 
 
 def with_rotor_inertia(model: Model) -> Model:
-    """The model with the joint inertia of `robot_armature`; the same one if it has its own."""
+    """Return the model with the joint inertia of `robot_armature`; the same one if it has its own."""
     if model.armature.any():
         return model
     values = robot_armature(model).values
@@ -165,7 +165,8 @@ def with_rotor_inertia(model: Model) -> Model:
 def scale_inertias(
     model: Model, mass_factors: Sequence[float], inertia_factors: Sequence[float]
 ) -> Model:
-    """The model with every link's mass and rotational inertia multiplied; centres of mass stay.
+    """Return the model with every link's mass and rotational inertia multiplied; centres of mass
+    stay.
 
     Args:
         model: model with n joints.
@@ -183,7 +184,8 @@ def scale_inertias(
 
 
 def inertia_scale(model: Model) -> Array:
-    """Moving mass times squared reach [kg m^2] for revolute joints, (n,); for prismatic ones, mass.
+    """Return moving mass times squared reach [kg m^2] for revolute joints, (n,); for prismatic
+    ones, mass.
 
     The mass is that of the joint's own tree, as both arms of a person are two. The reach is the
     largest distance of the hand from the first joint, and is taken for all trees. A joint inertia

@@ -26,7 +26,8 @@ _STRETCHED = 1e-7  # relative distance from the sum of the links' lengths
 
 
 def motion_subspace(model: pin.Model, index: int) -> Array:
-    """Twist (6,) of the joint per unit of its coordinate, (linear, angular) in the joint frame.
+    """Return twist (6,) of the joint per unit of its coordinate, (linear, angular) in the joint
+    frame.
 
     Raises:
         ValueError: the joint does not have one degree of freedom, or mimics another joint.
@@ -145,7 +146,8 @@ def continuous_joints(model: pin.Model) -> tuple[str, ...]:
 
 
 def with_angles(model: pin.Model) -> pin.Model:
-    """A copy in which the coordinate of every continuous joint is its angle, within +-2 pi rad.
+    """Return a copy in which the coordinate of every continuous joint is its angle, within +-2 pi
+    rad.
 
     Joints and frames keep their indices; Pinocchio's configuration vector is then q itself.
     """
@@ -174,7 +176,9 @@ def with_angles(model: pin.Model) -> pin.Model:
 
 
 def joint_along(axis: Array, kind: str = "revolute") -> Any:
-    """A revolute or prismatic joint of a unit axis, of the types for x, y or z where it is one."""
+    """Return a revolute or prismatic joint of a unit axis, of the types for x, y or z where it is
+    one.
+    """
     for letter, unit in zip("XYZ", np.eye(3), strict=True):
         if np.array_equal(axis, unit):
             return getattr(pin, f"JointModel{kind[0].upper()}{letter}")()

@@ -27,7 +27,8 @@ _RIM = 24  # corners of the polygon around a circle
 
 
 def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = "") -> Capsule:
-    """A capsule of small, not necessarily minimal, volume that contains all points (k, 3) [m].
+    """Return a capsule of small, not necessarily minimal, volume that contains all points (k, 3)
+    [m].
 
     The volume is reduced by the Nelder-Mead simplex method from the best of six initial axes: the
     coordinate axes and the principal axes of the points.
@@ -218,7 +219,7 @@ def _shapes_of_urdf(
 
 
 def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:
-    """The ball or capsule that a shape of coal is, or a capsule around it, at its placement."""
+    """Return the ball or capsule that a shape of coal is, or a capsule around it, at its placement."""
     kind, centre = type(shape).__name__, placement.translation
     if kind == "Sphere":
         return Ball(tuple(centre), float(shape.radius), link)
@@ -248,7 +249,7 @@ def turn_to(direction: Array) -> Array:
 
 
 def points_of(shape: Any) -> Array | None:
-    """Points (k, 3) whose convex hull contains a shape of coal; None for an unknown shape."""
+    """Return points (k, 3) whose convex hull contains a shape of coal; None for an unknown shape."""
     kind = type(shape).__name__
     if kind == "Box":
         return np.asarray(_cube((-1.0, 1.0)) * np.array(shape.halfSide))
@@ -271,7 +272,7 @@ def points_of(shape: Any) -> Array | None:
 
 
 def triangles_of(shape: Any) -> NDArray[np.int64] | None:
-    """The triangles (m, 3) of a mesh of coal, indices of `points_of`; None for other shapes."""
+    """Return the triangles (m, 3) of a mesh of coal, indices of `points_of`; None for other shapes."""
     if not hasattr(shape, "tri_indices"):
         return None
     corners = (shape.tri_indices(index) for index in range(shape.num_tris))

@@ -158,7 +158,7 @@ def _radius(shape: Any) -> float:
 
 
 def joint_poses(model: Model, q: Array) -> tuple[Array, Array]:
-    """Rotations (k, j, 3, 3) and positions (k, j, 3) [m] of the joints of `pin` at q (k, n)."""
+    """Return rotations (k, j, 3, 3) and positions (k, j, 3) [m] of the joints of `pin` at q (k, n)."""
     data = model.pin.createData()
     rotations = np.empty((len(q), model.pin.njoints, 3, 3))
     positions = np.empty((len(q), model.pin.njoints, 3))
@@ -170,7 +170,9 @@ def joint_poses(model: Model, q: Array) -> tuple[Array, Array]:
 
 
 def exact_distance(one: LinkSolid, pose: Pose, other: LinkSolid, other_pose: Pose) -> float:
-    """Distance [m] between two links whose joints have these poses; 0 if they touch or overlap."""
+    """Return distance [m] between two links whose joints have these poses; 0 if they touch or
+    overlap.
+    """
     request = pin.coal.DistanceRequest()
     request.enable_signed_distance = False
     least = np.inf

@@ -138,7 +138,8 @@ def _size(mesh: Mesh) -> float:
 
 
 def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
-    """The mesh with one vertex in each cell, or place, without triangles that have lost area.
+    """Return the mesh with one vertex in each cell, or place, without triangles that have lost
+    area.
 
     Args:
         mesh: mesh of any size.
@@ -181,7 +182,7 @@ def ellipsoid(radii: ArrayLike) -> Surface:
 
 
 def cylinder(radius: float, half_length: float, top: float = 1.0) -> Surface:
-    """A cylinder along z around the origin, or a cone whose radius at the top is a multiple."""
+    """Return a cylinder along z around the origin, or a cone whose radius at the top is a multiple."""
     rim = [(1.0, -1.0), (top, 1.0)] if top > 0.0 else [(1.0, -1.0)]
     vertices, triangles = revolved([(0.0, -1.0), *rim, (0.0, 1.0)])
     return vertices * [radius, radius, half_length], triangles
@@ -206,7 +207,8 @@ def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surfa
 
 
 def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
-    """A profile (k, 2) of radii and increasing heights turned about z; its ends are on the axis.
+    """Return a profile (k, 2) of radii and increasing heights turned about z; its ends are on the
+    axis.
 
     It is of unit size: triangles far smaller than that are lost.
     """
@@ -343,7 +345,9 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
 
 
 def _struts(model: Model) -> list[tuple[int, int, Array]]:
-    """Joint at the start, joint at the end (or again the same), and end in axes of the start."""
+    """Return joint at the start, joint at the end (or again the same), and end in axes of the
+    start.
+    """
     frames = [model.pin.frames[index] for index in chain_ends(model)]
     places = [
         *zip(model.pin.parents, range(model.pin.njoints), model.pin.jointPlacements, strict=True),
@@ -381,7 +385,7 @@ def _rotates(model: Model, joint: int) -> bool:
 
 
 def _places(model: Model, extent: float) -> list[list[int]]:
-    """Joints grouped by place; prismatic joints are alone, as they move apart from others."""
+    """Return joints grouped by place; prismatic joints are alone, as they move apart from others."""
     places: list[list[int]] = []
     for joint in range(1, model.pin.njoints):
         parent = int(model.pin.parents[joint])

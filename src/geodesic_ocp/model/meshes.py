@@ -67,7 +67,8 @@ def _geometry(model: Model) -> list[Mesh]:
 
 
 def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
-    """Trunk, head and, beside a single arm, the other arm, in the base frame of the model, at rest.
+    """Return trunk, head and, beside a single arm, the other arm, in the base frame of the model,
+    at rest.
 
     The body height is that of `stature`, from the lengths of upper arm and forearm; the mass is
     that of a person whose upper arm has this volume. Trunk and head are those of
@@ -118,7 +119,9 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
 
 
 def _mass(arm: PersonArm, height: float) -> float:
-    """Mass [kg] of a person of this height whose upper arm has the volume that the arm's has."""
+    """Return mass [kg] of a person of this height whose upper arm has the volume that the arm's
+    has.
+    """
     one = human_arm(arm.side, height, 1.0)
     volumes = [each.bodies[0].radius ** 2 * each.lengths[0] for each in (arm, *person_arms(one))]
     return min(float(volumes[0] / volumes[1]), _HEAVIEST)

@@ -175,7 +175,7 @@ class Model:
         return SymbolicFunctions(self.pin, str(self.backend))
 
     def mass_matrix(self, q: Any) -> Any:
-        """Mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
+        """Return mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
         return self._functions.value("mass_matrix", q=q)
 
     def kinetic_energy(self, q: Any, v: Any) -> Any:
@@ -189,7 +189,8 @@ class Model:
         return force if is_symbolic(q, v) else force[:, 0]
 
     def inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Any = (0.0, 0.0, -9.81)) -> Any:
-        """Joint forces G(q) a + C(q, v) v + g(q), (n,) [N m or N], at joint accelerations a (n,).
+        """Return joint forces G(q) a + C(q, v) v + g(q), (n,) [N m or N], at joint accelerations a
+        (n,).
 
         For k states (k, n): (k, n). `gravity`: of free fall, in axes of the base (3,) [m/s^2].
         """
@@ -227,7 +228,9 @@ class Model:
         return int(self.pin.frames[frame_index(self.pin, frame)].parentJoint)
 
     def hand_jacobian(self, q: Any) -> Any:
-        """Jacobian (6, n) of the hand: linear [m], then angular velocity, in base frame axes."""
+        """Return Jacobian (6, n) of the hand: linear [m], then angular velocity, in base frame
+        axes.
+        """
         return self._functions.jacobian(self._hand_id, q)
 
     def potential_energy(self, q: Any) -> Any:
@@ -305,7 +308,8 @@ class Model:
         return replace(self, pin=limited)
 
     def with_hand(self, hand: str, *others: str) -> Model:
-        """The model with this hand frame, and others; one of its `hands` alone keeps the others.
+        """Return the model with this hand frame, and others; one of its `hands` alone keeps the
+        others.
 
         Raises:
             ValueError: there is no such frame, or it is given twice.

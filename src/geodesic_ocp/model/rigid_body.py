@@ -72,7 +72,8 @@ def _moved(fixed: pin.SE3, subspace: Array, q: ca.SX) -> Placement:
 
 
 def link_energies(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Translational and rotational kinetic energy [J] of the link behind each joint, (nv, 2).
+    """Return translational and rotational kinetic energy [J] of the link behind each joint, (nv,
+    2).
 
     m |v_c|^2 / 2 of the centre of mass and w' I_c w / 2 about it, at joint velocities v (nv, 1), in
     the order of the coordinates. Joint inertia (armature) is not part of any link.

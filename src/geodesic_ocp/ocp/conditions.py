@@ -172,7 +172,9 @@ class NodeBounds(ShortRepr):
         return cls(lower, upper, ends, lower_g, upper_g, tuple(in_x), tuple(in_g))
 
     def worst(self, x: Array, g: Array) -> tuple[float, str]:
-        """Largest violation at the nodes and the name of its condition; NaN counts as infinite."""
+        """Return largest violation at the nodes and the name of its condition; NaN counts as
+        infinite.
+        """
         violations = [(0.0, "")]
         for rows, source in self._all_rows(x, g):
             found, condition = source[rows.index], rows.condition
@@ -182,7 +184,9 @@ class NodeBounds(ShortRepr):
         return max(violations, key=lambda pair: pair[0])
 
     def multipliers(self, lam_x: Array, lam_g: Array) -> Mapping[str, Array]:
-        """Multipliers by the condition's name, (m,) at the ends and (nodes, m) along the path."""
+        """Return multipliers by the condition's name, (m,) at the ends and (nodes, m) along the
+        path.
+        """
         result = {}
         for rows, source in self._all_rows(lam_x, lam_g):
             found = source[rows.index]
@@ -192,7 +196,7 @@ class NodeBounds(ShortRepr):
     def switching_points(
         self, grid: Grid, active_x: NDArray[np.bool_], active_g: NDArray[np.bool_]
     ) -> tuple[float, ...]:
-        """S between the nodes where a condition along the path becomes active or inactive."""
+        """Return s between the nodes where a condition along the path becomes active or inactive."""
         nodes = {grid.collocations: grid.in_segments(grid.nodes).ravel(), grid.size: grid.nodes}
         found: set[float] = set()
         for rows, active in self._all_rows(active_x, active_g):
@@ -229,7 +233,7 @@ def _fix(
 
 
 def _interleaved(group: Sequence[Condition], count: int, start: int) -> Iterator[_Rows]:
-    """Rows in g of a group of conditions: all conditions of one node, then those of the next."""
+    """Yield rows in g of a group of conditions: all conditions of one node, then those of the next."""
     width, offset = sum(condition.size for condition in group), start
     for condition in group:
         rows = offset + width * np.arange(count)[:, None]

@@ -37,7 +37,8 @@ def inverse_kinematics(
     pairs: Sequence[tuple[str, str]] = (),
     margin: float = 0.0,
 ) -> Array:
-    """The configuration (n,) nearest to a given one, joint by joint, with a pose of the hand.
+    """Return the configuration (n,) nearest to a given one, joint by joint, with a pose of the
+    hand.
 
     min |q - near|^2 over q such that the hand has the position, the rotation, or both. The search
     starts from several configurations and covers one revolution of joints with a larger range.
@@ -88,7 +89,8 @@ def inverse_kinematics_solutions(
     settled: float = 1e-2,
     least: int = 1,
 ) -> list[Array]:
-    """At least `least` configurations with a hand pose, if there are as many, from several starts.
+    """Return at least `least` configurations with a hand pose, if there are as many, from several
+    starts.
 
     They are sorted by their distance from `near`, which is also the first start. Each is near to a
     local minimum of that distance, not exactly at it: the search still moves by `settled` a step.

@@ -103,7 +103,9 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
 
 
 def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
-    """An instance of the recorded class, which must be imported already, with the saved fields."""
+    """Return an instance of the recorded class, which must be imported already, with the saved
+    fields.
+    """
     saved = convert(record, _ClassRecord, path)
     name, given = saved.problem, f"load_solution({str(path)!r}, problem)"
     found = _imported_class(saved.module, name)

@@ -133,7 +133,7 @@ class NLP(ShortRepr):
         return {"x": x, "p": p, "f": f, "g": g}
 
     def not_finite(self) -> list[str]:
-        """Names of the expressions that are not finite or not differentiable on the guess."""
+        """Return names of the expressions that are not finite or not differentiable on the guess."""
         c, grid, metric = self.conditions, self.grid, self.definition.metric
         path = Path(metric, grid, self.nodes)
         points = grid.in_segments(grid.nodes) @ grid.quadrature.values.T
@@ -201,7 +201,7 @@ def _check_fixed_ends(conditions: Conditions, bounds: NodeBounds) -> None:
 
 
 def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | None) -> Grid:
-    """The grid with the problem's via points: at their s, as in the guess, or evenly spaced."""
+    """Return the grid with the problem's via points: at their s, as in the guess, or evenly spaced."""
     count = len(definition.conditions.via)
     if not count:
         if grid.via_segments:
@@ -222,7 +222,7 @@ def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | No
 def _initial_nodes(
     definition: ProblemDefinition, grid: Grid, bounds: NodeBounds, guess: Path | None
 ) -> Array:
-    """Positions (size, n) of the initial guess, with the fixed coordinates at their values."""
+    """Return positions (size, n) of the initial guess, with the fixed coordinates at their values."""
     given = guess(grid.nodes) if guess is not None else definition.guess(grid.nodes)
     if given is None:
         start, end = bounds.ends
@@ -242,7 +242,9 @@ def _initial_nodes(
 def _units(
     definition: ProblemDefinition, transcription: Transcription, grid: Grid, nodes: Array
 ) -> Units:
-    """Extent and energy of the guess, or one and the mean of G's diagonal if it does not move."""
+    """Return extent and energy of the guess, or one and the mean of G's diagonal if it does not
+    move.
+    """
     metric = definition.metric
     extent = float(np.ptp(nodes, axis=0).max())
     size = float(np.trace(metric.matrix(nodes[0]))) / metric.dim

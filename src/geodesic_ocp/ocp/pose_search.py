@@ -98,7 +98,7 @@ def search_simultaneously(
 def pose_steps(
     q: Array, errors: Array, jacobians: Array, near: Array | None, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
-    """Steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
+    """Return steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
     free = np.ones_like(q, dtype=bool)
     for _ in range(3):  # joints that would leave their range stay at its end
         step, slide = _free_steps(q, errors, jacobians, near, free)
@@ -165,7 +165,8 @@ _TINY = 1e-12
 
 
 def rotation_log(rotation: ca.SX) -> ca.SX:
-    """Rotation vector (3, 1) [rad], axis times angle, of a rotation (3, 3), up to an angle of pi.
+    """Return rotation vector (3, 1) [rad], axis times angle, of a rotation (3, 3), up to an angle
+    of pi.
 
     Computed from the unit quaternion, whose largest entry is found first, so that no division by
     zero occurs (Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1, 1978). At
@@ -238,7 +239,7 @@ def as_directions(name: str, given: ArrayLike | None) -> Array:
 
 
 def complement(directions: Array) -> tuple[Array, int]:
-    """Orthonormal axes (3, 3), in columns, of which the first m span the directions, and m."""
+    """Return orthonormal axes (3, 3), in columns, of which the first m span the directions, and m."""
     if not len(directions):
         return np.eye(3), 0
     across = scipy.linalg.null_space(directions)
@@ -281,7 +282,7 @@ class SearchOutcome:
     objective: float
 
     def error(self, bound: Array) -> float:
-        """Largest pose error among those that must vanish, or overlap of collision bodies."""
+        """Return largest pose error among those that must vanish, or overlap of collision bodies."""
         return float(np.max(np.abs(self.errors[bound == 0.0]), initial=self.overlap))
 
 
@@ -326,7 +327,9 @@ class PoseSearch:
         )
 
     def axes_and_bound(self, free: ArrayLike | None) -> tuple[Array, Array]:
-        """Axes (3, 3) of position errors, and bounds of the errors: zero, or infinite if free."""
+        """Return axes (3, 3) of position errors, and bounds of the errors: zero, or infinite if
+        free.
+        """
         axes, num_free = complement(as_directions("free", free))
         held = np.array([*(np.arange(3) >= num_free), True, True, True])[list(self.rows)]
         return axes, np.where(held, 0.0, np.inf)
@@ -354,7 +357,8 @@ class PoseSearch:
         settled: float = 1e-2,
         least: int = 1,
     ) -> tuple[list[Array], list[Array], float]:
-        """Configurations with the pose, others, and the least error, without collision avoidance.
+        """Return configurations with the pose, others, and the least error, without collision
+        avoidance.
 
         Those with the pose are sorted by their distance from `near`, the others by their error.
         The search ends when enough of them move by less than `settled` [rad or m] towards it, or
@@ -380,7 +384,8 @@ class PoseSearch:
     def from_every_start(
         self, bounds: tuple[Array, Array], starts: Array, weights: Array
     ) -> tuple[Array, Array]:
-        """Configurations (k, n) found from k starts, each near its start, and their errors (k,).
+        """Return configurations (k, n) found from k starts, each near its start, and their errors
+        (k,).
 
         The error is the largest entry of the weighted pose error; away from the pose, it is that of
         a local minimum.
@@ -390,7 +395,7 @@ class PoseSearch:
         return found.q, found.errors
 
     def _weighted_errors(self, axes: Array, weights: Array) -> PoseErrors:
-        """Pose errors (k, m) in these axes, weighted, and Jacobians (k, m, n) at q (k, n)."""
+        """Return pose errors (k, m) in these axes, weighted, and Jacobians (k, m, n) at q (k, n)."""
         p = self._parameters(axes, 0.0, np.zeros(len(self.rows)))
 
         def pose_errors(q: Array) -> tuple[Array, Array]:

@@ -67,7 +67,9 @@ class _Identity:
 
 
 def key_of(value: object) -> Hashable:
-    """The value itself, the contents of arrays and lists, or the identity of unhashable objects."""
+    """Return the value itself, the contents of arrays and lists, or the identity of unhashable
+    objects.
+    """
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return ("array", value.shape, value.dtype.str, value.tobytes())
     if isinstance(value, (list, tuple)):
@@ -304,11 +306,14 @@ class Problem(ABC):
         return ()
 
     def cost(self, q: ca.SX, v: ca.SX) -> Any:
-        """Running cost, minimized in addition to the energy: an integrand in q and v = q'(s)."""
+        """Return running cost, minimized in addition to the energy: an integrand in q and v =
+        q'(s).
+        """
         return 0.0
 
     def guess(self, s: Array) -> Array | None:
-        """Initial guess, positions (len(s), n); None is the straight line between the fixed ends.
+        """Return initial guess, positions (len(s), n); None is the straight line between the fixed
+        ends.
 
         Coordinates that are fixed at one end only stay constant, free ones are zero.
         """

@@ -100,7 +100,9 @@ class ConstrainedProblem(Problem):
 
 
 def _as_speed(speed: Any, dim: int) -> tuple[float, ...] | None:
-    """The largest speeds (n,) of one number or n of them; ValueError if they are not positive."""
+    """Return the largest speeds (n,) of one number or n of them; ValueError if they are not
+    positive.
+    """
     if speed is None:
         return None
     speeds = as_vector("speed", np.broadcast_to(speed, dim) if np.ndim(speed) == 0 else speed, dim)
@@ -268,7 +270,8 @@ class Reach(ShortRepr, ConstrainedProblem):
         return [[(position - points[k, :].T, 0.0, name)] for k, name in enumerate(names)]
 
     def guess(self, s: Array) -> Array:
-        """Straight lines between configurations found by inverse kinematics, each near the last.
+        """Return straight lines between configurations found by inverse kinematics, each near the
+        last.
 
         Raises:
             NotConverged: inverse kinematics found no configuration.

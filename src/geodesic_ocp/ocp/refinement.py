@@ -84,7 +84,8 @@ def refine(
 def refine_where_violated(
     solve_on: SolveOn, conditions: Conditions, solution: Solution
 ) -> Solution:
-    """The solution on a grid on which conditions hold to `BETWEEN_NODES` everywhere on the path.
+    """Return the solution on a grid on which conditions hold to `BETWEEN_NODES` everywhere on the
+    path.
 
     Segments in which they do not are halved; if that fails, it is repeated from polynomials of low
     degree. A path that still violates a condition is no solution.
@@ -111,7 +112,7 @@ def refine_where_violated(
 
 
 def meeting_conditions(solution: Solution, advice: str) -> Solution:
-    """The solution, not successful if it violates a condition by more than `BETWEEN_NODES`."""
+    """Return the solution, not successful if it violates a condition by more than `BETWEEN_NODES`."""
     if not _violates(solution):
         return solution
     status = f"it meets its conditions at the nodes, but not between them; {advice}"
@@ -132,7 +133,7 @@ def _violates(solution: Solution) -> bool:
 def _halve_where_violated(
     solve_on: SolveOn, profile: ViolationProfile, first: Solution, history: list[MeshIteration]
 ) -> Solution:
-    """The last solution, on grids whose segments are halved where conditions are violated."""
+    """Return the last solution, on grids whose segments are halved where conditions are violated."""
     kept = first
 
     def solve(grid: Grid | None) -> Solution:
@@ -288,7 +289,7 @@ def _not_found(solution: Solution, status: str) -> Solution:
 
 
 def _coincident(path: Path) -> str:
-    """Names of two neighbouring ends or via points that nearly coincide; empty if none do."""
+    """Return names of two neighbouring ends or via points that nearly coincide; empty if none do."""
     lengths = _lengths(path)
     shortest = int(np.argmin(lengths))
     if not lengths[shortest] <= _COINCIDENT * lengths.sum():

@@ -228,7 +228,8 @@ class Solution:
         return certify_iterate(self.iterate, NodeBounds.on_grid(conditions, self.path.grid))
 
     def record(self) -> dict[str, Any]:
-        """The solution as JSON values: nodes of the path [rad or m], statistics, multipliers.
+        """Return the solution as JSON values: nodes of the path [rad or m], statistics,
+        multipliers.
 
         The problem is recorded by the name of its class and by those fields that are numbers,
         strings, obstacles, or lists and arrays of them.
@@ -295,7 +296,8 @@ class Solution:
         return motion_along(self.path, timing, rate)
 
     def plot(self) -> Figure:
-        """Coordinates and speed over s, beside the path of the hand or in the plane, and the arm.
+        """Return coordinates and speed over s, beside the path of the hand or in the plane, and the
+        arm.
 
         The arm is drawn at some values of s, with the obstacles of the problem; where it comes
         nearest to one of them, the distance of its collision bodies is given.

@@ -166,7 +166,7 @@ class _Solver:
         return self._optimize_via(self._solve_once(grid, guess, NEAR if near else {}))
 
     def solve_from(self, grid: Grid, start: Path | None) -> Solution:
-        """The solution on a grid, from another solution if there is one, else from a path."""
+        """Return the solution on a grid, from another solution if there is one, else from a path."""
         if self.before is None:
             return self(grid, start, False)
         nlp = build_nlp(self.definition, grid, start)
@@ -225,7 +225,9 @@ class _Solver:
         return self._beyond_saddle(nlp, solution) if outcome.may_be_saddle else solution
 
     def _beyond_saddle(self, nlp: NLP, solution: Solution) -> Solution:
-        """A solution of less energy if this one is a saddle point, as from a symmetric guess."""
+        """Return a solution of less energy if this one is a saddle point, as from a symmetric
+        guess.
+        """
         direction = descent_direction(solution.iterate) if solution.stats.success else None
         if direction is None:
             return solution
@@ -241,7 +243,9 @@ class _Solver:
 
 
 def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
-    """Another solution's multipliers in the NLP's units, if conditions and grid are the same."""
+    """Return another solution's multipliers in the NLP's units, if conditions and grid are the
+    same.
+    """
     old, units = before.iterate, nlp.units
     if before.path.grid != nlp.grid or old.lam_g.size != nlp.bounds.lower_g.size:
         return {}
@@ -256,7 +260,9 @@ def _ipopt(transcription: Transcription, settings: Settings, relay: Relay | None
 
 @lru_cache(maxsize=32)
 def shared_ipopt(structure: Structure, shape: Grid, settings: Settings) -> Ipopt:
-    """Ipopt for all problems of this structure, on all grids of a shape (with equal segments)."""
+    """Return Ipopt for all problems of this structure, on all grids of a shape (with equal
+    segments).
+    """
     return _ipopt(structure.transcription(shape), settings)
 
 

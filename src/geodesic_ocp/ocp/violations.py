@@ -19,7 +19,7 @@ _REFINEMENTS = 3  # times that the vertices of parabolas are added to the sample
 
 
 def excess_over_bounds(condition: Condition, values: Array) -> Array:
-    """Distance of values (m, k) from the bounds, positive outside; NaN counts as infinite."""
+    """Return distance of values (m, k) from the bounds, positive outside; NaN counts as infinite."""
     excess = np.maximum(condition.lower[:, None] - values, values - condition.upper[:, None])
     return np.asarray(np.where(np.isnan(excess), np.inf, excess))
 
@@ -70,7 +70,9 @@ def sample_parameters(path: Path) -> Array:
 
 
 def _peaks(s: Array, excess: Array) -> Array:
-    """Vertices of parabolas through three neighbours of excess (m, k) that are near or above 0."""
+    """Return vertices of parabolas through three neighbours of excess (m, k) that are near or above
+    0.
+    """
     if s.size < 3:
         return np.zeros(0)
     left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]

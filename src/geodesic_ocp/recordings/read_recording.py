@@ -228,7 +228,7 @@ def _from_markers(
     armature: float,
     of_markers: dict[str, Any],
 ) -> MarkerFit:
-    """The motion that is fitted to the markers, and the arm with the lengths of the person."""
+    """Return the motion that is fitted to the markers, and the arm with the lengths of the person."""
     from geodesic_ocp.recordings.markers.fit_markers import fit_markers
     from geodesic_ocp.recordings.read_markers import read_markers
 

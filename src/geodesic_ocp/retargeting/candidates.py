@@ -79,7 +79,7 @@ class Candidates(ShortRepr):
 
 
 def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
-    """Configurations at each waypoint, from random starts and those of the waypoint before."""
+    """Return configurations at each waypoint, from random starts and those of the waypoint before."""
     found: list[Candidates] = []
     rng = np.random.default_rng(0)
     for number in range(waypoints.count + 1):
@@ -124,7 +124,9 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
 
 
 def _chosen(q: Array, errors: Array, near_misses: float, most: int) -> Candidates:
-    """Distinct ones of configurations (k, n), up to a number, those with the least errors first."""
+    """Return distinct ones of configurations (k, n), up to a number, those with the least errors
+    first.
+    """
     least = float(errors.min())
     largest = near_misses if least == 0.0 else _NEARLY * least + _MORE
     order = np.argsort(errors, kind="stable")
@@ -326,7 +328,8 @@ def _edge_costs(
 
 
 def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
-    """Squared distance (k,) of the hand from the person's halfway through a movement, at q (k, n).
+    """Return squared distance (k,) of the hand from the person's halfway through a movement, at q
+    (k, n).
 
     In units of 1 rad and of a fraction of the arm's length, per movement. Of two ways around, on
     which the hand turns to either side, one is that of the person.

@@ -80,7 +80,9 @@ def nearest_poses(
 
 
 def search_range(robot: Model) -> tuple[Array, Array]:
-    """Lower and upper bounds (n,) of the search: the limits, or half a revolution either way."""
+    """Return lower and upper bounds (n,) of the search: the limits, or half a revolution either
+    way.
+    """
     lower, upper, _ = search_bounds(robot, np.zeros(robot.dof), True)
     return lower, upper
 

@@ -38,7 +38,7 @@ from geodesic_ocp.trajectory.path import Path
 
 
 def own_time(part: ArmPart, times: Array) -> Array:
-    """Parameter s of an arm's whole path at times [s] in the recording; rests are left out."""
+    """Return parameter s of an arm's whole path at times [s] in the recording; rests are left out."""
     given = part.waypoints
     instants = np.column_stack([given.begins, given.ends]).ravel()
     after = np.cumsum(given.durations)
@@ -190,7 +190,8 @@ class ArmPart:
         return Block(given.terms, places, np.array(rows), -upper, upper, share)
 
     def speed_rows(self, intervals: Sequence[Array]) -> tuple[scipy.sparse.coo_array, Array]:
-        """Matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean speeds.
+        """Return matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean
+        speeds.
 
         x are the positions, sigma the relative times added to the intervals. The means are those
         over the halves of the movements, which leaves the paths in between as they are.
@@ -224,7 +225,9 @@ class ArmPart:
         return matrix, np.reshape(times, (len(times), len(intervals[0])))
 
     def nodes_on_lines(self, q: Array) -> Array:
-        """Positions at the nodes (size, n) on the straight lines between waypoints (m + 1, n)."""
+        """Return positions at the nodes (size, n) on the straight lines between waypoints (m + 1,
+        n).
+        """
         edges = self.grid.breakpoints[[0, *self.last_segments]]
         return np.column_stack(
             [np.interp(self.grid.nodes, edges, q[:, joint]) for joint in range(self.dof)]
@@ -351,7 +354,9 @@ class MotionProgram:
         )
 
     def guess(self, nodes: Sequence[Array], sigma: Array | None = None) -> Array:
-        """Variables of positions at the nodes of each arm, with enough time for their speeds."""
+        """Return variables of positions at the nodes of each arm, with enough time for their
+        speeds.
+        """
         x = np.concatenate([each.ravel() for each in nodes])
         if sigma is None:
             by_nodes, shares = self._speed_rows

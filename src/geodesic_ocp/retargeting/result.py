@@ -166,7 +166,7 @@ class Retargeting:
         return measures_table(found)
 
     def table(self) -> DataFrame:
-        """Action, speed and errors of the hand, of the synergies and of inverse kinematics."""
+        """Return action, speed and errors of the hand, of the synergies and of inverse kinematics."""
         header = (
             "arm",
             "method",
@@ -195,7 +195,9 @@ class Retargeting:
         return new_table(header, rows, note)
 
     def synergy_table(self) -> DataFrame:
-        """The robot's synergies, with the person's from which they are made; both count from 1."""
+        """Return the robot's synergies, with the person's from which they are made; both count from
+        1.
+        """
         header = (
             "arm",
             "synergy",
@@ -238,7 +240,8 @@ class Retargeting:
         return new_table(header, rows)
 
     def plot(self) -> Figure:
-        """Person and robot at some instants, the hand and three joints over time, and its path.
+        """Return person and robot at some instants, the hand and three joints over time, and its
+        path.
 
         Crosses beside the robot mark where the person's hand is, mapped to the robot. Both are seen
         from the same side, the person in a mirror if left and right are exchanged, unless the

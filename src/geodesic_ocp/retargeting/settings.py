@@ -166,7 +166,8 @@ _LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
 
 
 def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> Clearance | None:
-    """The distances that the settings ask for; None if there are none, or no geometry is known.
+    """Return the distances that the settings ask for; None if there are none, or no geometry is
+    known.
 
     Pairs of links whose capsules overlap although the links are apart are among them, as the exact
     geometry decides (`active_rows`). Most of these are neighbours that are always near each other:

@@ -205,7 +205,9 @@ class SynergyPaths(ShortRepr, Problem):
     def _starts(
         self, layers: Sequence[Sequence[Candidates]], weights: ObjectiveWeights
     ) -> Iterator[_Iterate]:
-        """Straight lines between the best configurations, and between those that keep distances."""
+        """Yield straight lines between the best configurations, and between those that keep
+        distances.
+        """
         definitions = [replace(self, arms=(arm,)).definition() for arm in self.arms]
         before: list[list[Array]] = []
         for clearance in dict.fromkeys((None, self.clearance)):
@@ -250,7 +252,9 @@ class _Rounds:
     tolerance: float
 
     def refined(self, start: _Iterate, rows: Rows | None = None) -> _Iterate:
-        """The solution on grids that resolve the paths, with these distances at these instants."""
+        """Return the solution on grids that resolve the paths, with these distances at these
+        instants.
+        """
 
         def solve(iterate: _Iterate) -> _Iterate:
             program = MotionProgram(
@@ -295,7 +299,8 @@ class _Rounds:
         return in_rounds(start, solve, examine, _ROUNDS)
 
     def kept_apart(self, start: _Iterate) -> _Iterate:
-        """The solution with all distances above their bounds, or the last one that was found.
+        """Return the solution with all distances above their bounds, or the last one that was
+        found.
 
         Only those distances enter the program that are below their bounds at some instants, and
         only at these instants. Where that does not help, poses at which links are too near are
@@ -373,7 +378,7 @@ def _similar(one: Array, other: Array) -> bool:
 
 
 def _score(iterate: _Iterate, rounds: _Rounds) -> float:
-    """The objective, detours of the hand, and distances below their bounds; less is better."""
+    """Return the objective, detours of the hand, and distances below their bounds; less is better."""
     total = iterate.objective
     for part, nodes in zip(iterate.parts, iterate.nodes, strict=True):
         for number, path in enumerate(part.paths(nodes)):
@@ -384,7 +389,9 @@ def _score(iterate: _Iterate, rounds: _Rounds) -> float:
 
 
 def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
-    """Weights of missed poses, with those at which links are too near; None if there are no new."""
+    """Return weights of missed poses, with those at which links are too near; None if there are no
+    new.
+    """
     every, any_new = [], False
     for part in iterate.parts:
         given = part.waypoints
@@ -418,7 +425,8 @@ def _positions(iterate: _Iterate) -> tuple[Array, Array]:
 def _too_near(
     clearance: Clearance, iterate: _Iterate
 ) -> tuple[dict[tuple[int, float], float], float]:
-    """Bounds of the distances that enter the program, by number and instant; what they lack [m].
+    """Return bounds of the distances that enter the program, by number and instant; what they lack
+    [m].
 
     Where each lacks most, and around; the sum is that of the most that each lacks.
     """

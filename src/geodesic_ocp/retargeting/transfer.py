@@ -189,7 +189,8 @@ class FreeGeodesics(ShortRepr):
 def to_pose(
     robot: Model, q: Array, pose: Pose, end: Array, settings: RetargetingSettings
 ) -> Transfer:
-    """The free geodesic from q (n,) that ends nearest to a pose, from several initial velocities.
+    """Return the free geodesic from q (n,) that ends nearest to a pose, from several initial
+    velocities.
 
     Args:
         robot: the arm.

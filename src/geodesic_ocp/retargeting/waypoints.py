@@ -132,7 +132,9 @@ def limited_torques(
 def waypoint_terms(
     arm: Model, alignment: Alignment, rows: tuple[int, ...], torque: tuple[float, ...]
 ) -> Terms:
-    """Costs and pose errors of an arm, for these rows of the error and limits on torque (n,)."""
+    """Return costs and pose errors of an arm, for these rows of the error and limits on torque
+    (n,).
+    """
     q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", NUM_PARAMETERS)
     position, rotation, missed, offset, weights = ca.vertsplit(p, [0, 3, 12, 18, 21, 23])
     hand_rotation, hand_position = arm.hand_pose(q)

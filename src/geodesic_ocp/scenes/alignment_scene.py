@@ -54,7 +54,9 @@ class BasePose:
 
 
 def shoulder(arm: RetargetedArm, count: int) -> Array:
-    """The person's shoulder in the scene (3,) [m]: the origin, or to one side of it if of two."""
+    """Return the person's shoulder in the scene (3,) [m]: the origin, or to one side of it if of
+    two.
+    """
     model = arm.analysis.model
     if count == 1 or not {"left", "right"} & set(model.name.split()):
         return np.zeros(3)
@@ -101,7 +103,8 @@ _TARGET, _ROBOT, _SCALED = "person's hand, mapped", "robot's hand", "scaled pers
 
 
 def alignment_playback(aligned: Alignment, robot: Model) -> Playback:
-    """A person's arm that moves through some postures, and the robot's hand where the person's is.
+    """Return a person's arm that moves through some postures, and the robot's hand where the
+    person's is.
 
     The robot is shown in the person's axes, its shoulder where the person's is. The person's arm,
     scaled to the length of the robot's, can be switched on beside it; so can the frames of the
@@ -177,7 +180,9 @@ def _postures(person: Model) -> tuple[Array, Array]:
 
 
 def _followed(robot: Model, rotations: Array, positions: Array) -> Array:
-    """Configurations (k, n), each the nearest pose from the one before, from the best of all."""
+    """Return configurations (k, n), each the nearest pose from the one before, from the best of
+    all.
+    """
     lower, upper = search_range(robot)
     starts = np.random.default_rng(0).uniform(lower, upper, (_STARTS, robot.dof))
     starts[0] = np.clip(0.0, lower, upper)

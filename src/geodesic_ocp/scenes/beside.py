@@ -72,7 +72,9 @@ def _hidden(playbacks: Sequence[Playback]) -> tuple[str, ...]:
 
 
 def _titled(titles: Sequence[str], playbacks: Sequence[Playback]) -> tuple[Scene, ...]:
-    """The scenes of all: a single one has the title of its playback, others have it in front."""
+    """Return the scenes of all: a single one has the title of its playback, others have it in
+    front.
+    """
     scenes = []
     for title, playback in zip(titles, playbacks, strict=True):
         if len(playback.scenes) == 1:
@@ -97,7 +99,7 @@ def _listed(titles: Sequence[str] | dict[str, None]) -> str:
 
 
 def _in_one_time(playbacks: Sequence[Playback]) -> list[Playback]:
-    """The playbacks, with path parameters stretched to the longest time if there is a time."""
+    """Return the playbacks, with path parameters stretched to the longest time if there is a time."""
     timed = [playback for playback in playbacks if playback.time_label == SECONDS]
     if not timed or len(timed) == len(playbacks):
         return list(playbacks)

@@ -100,7 +100,8 @@ def _moving(hands: Sequence[str]) -> str:
 def hand_speed_plots(
     model: Model, motions: Mapping[str, tuple[Motion, Role]], shown: Indices | None = None
 ) -> tuple[Plot, ...]:
-    """The speeds of all hands: of one motion in one plot, of several motions in one for each hand.
+    """Return the speeds of all hands: of one motion in one plot, of several motions in one for each
+    hand.
 
     Args:
         model: model with the motions' joints, in this order.

@@ -44,7 +44,8 @@ from geodesic_ocp.trajectory.motion import Motion
 
 
 def body_of(motion: Motion) -> tuple[Model, str]:
-    """The person's arm, both arms, or upper body whose joints a motion has, and a note on it.
+    """Return the person's arm, both arms, or upper body whose joints a motion has, and a note on
+    it.
 
     Joints are known by their names, those of the Master Motor Map (RSx_joint, ...). The height is
     that of the subject.
@@ -82,7 +83,8 @@ _SAME = 1e-6  # [m], entries of rotations
 def robots_playback(
     robots: Sequence[Model], playbacks: Sequence[Playback], *, title: str = ""
 ) -> Playback:
-    """The playbacks of several robots as one; the arms of one robot share its body, in one pane.
+    """Return the playbacks of several robots as one; the arms of one robot share its body, in one
+    pane.
 
     Args:
         robots: at least one.
@@ -221,7 +223,8 @@ _HELD = 0.98  # of a second, for which each of several configurations is shown
 
 
 def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "") -> Playback:
-    """A model in one configuration, or in several, one a second, with the frames of its joints.
+    """Return a model in one configuration, or in several, one a second, with the frames of its
+    joints.
 
     Args:
         model: model that is shown.
@@ -269,7 +272,8 @@ def trajectory_playback(
     gravity: ArrayLike | None = None,
     title: str = "",
 ) -> Playback:
-    """A model that follows a joint trajectory: joints, speeds, torques and the path of the hand.
+    """Return a model that follows a joint trajectory: joints, speeds, torques and the path of the
+    hand.
 
     Speeds and torques are relative to their limits where those of all joints are known.
 
@@ -319,7 +323,9 @@ def trajectory_playback(
 
 
 def torque_plots(model: Model, time: Array, torques: Array, limits: Array) -> tuple[Plot, ...]:
-    """Plots of joint torques (k, n) [N m or N], relative to their limits (n,) if all are known."""
+    """Return plots of joint torques (k, n) [N m or N], relative to their limits (n,) if all are
+    known.
+    """
     return _shares(model, time, torques, limits, TORQUES, TORQUE_SHARES)
 
 
@@ -331,7 +337,7 @@ def _shares(
     labels: Mapping[str, str],
     share: str,
 ) -> tuple[Plot, ...]:
-    """Plots of magnitudes as shares of limits, or of the values where a limit is not known."""
+    """Return plots of magnitudes as shares of limits, or of the values where a limit is not known."""
     if not np.all(np.isfinite(limits)):
         return joint_plots(model, time, values, labels)
     percent = 100.0 * np.abs(values) / limits

@@ -88,7 +88,8 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
 
 
 def seen_from(points: Array) -> tuple[float, float] | None:
-    """Azimuth and elevation [deg] that face the plane of points (k, 3), parallel to two axes.
+    """Return azimuth and elevation [deg] that face the plane of points (k, 3), parallel to two
+    axes.
 
     None if they lie in no such plane, or on a line.
     """
@@ -158,7 +159,8 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
 
 
 def model_of(path: Path, model: Model | None = None) -> Model | None:
-    """The given model, or that of the path's metric; None for a curve that can be seen without.
+    """Return the given model, or that of the path's metric; None for a curve that can be seen
+    without.
 
     Raises:
         ValueError: see `path_playback`.
@@ -234,7 +236,8 @@ def _speed(path: Path, s: Array, q: Array) -> Plot:
 def solution_playback(
     solution: Solution, model: Model | None = None, *, title: str = ""
 ) -> Playback:
-    """The path of a solution, as `path_playback` shows it, among the obstacles of its problem.
+    """Return the path of a solution, as `path_playback` shows it, among the obstacles of its
+    problem.
 
     Where the model has collision bodies, those that keep clear of something can be switched on;
     clearances are those of the problem's constraints, in the scene and in a plot with the margin.
@@ -272,7 +275,9 @@ def solution_playback(
 def _with_bodies(
     scene: Scene, problem: Problem, model: Model, solution: Solution
 ) -> tuple[Scene, tuple[float, ...]]:
-    """The scene with what moves with the model and keeps clear of something, and the margins."""
+    """Return the scene with what moves with the model and keeps clear of something, and the
+    margins.
+    """
     q = solution.path(scene.time)
     extra = [carried_obstacles(model, q, drawn_obstacles(problem))]
     constraints = parse_conditions(problem).along_q
@@ -293,7 +298,7 @@ def _considered(
     pairs: Sequence[tuple[str, str]],
     names: Collection[str],
 ) -> set[str]:
-    """Links of the bodies that the constraints of these names keep apart; if none, of all."""
+    """Return links of the bodies that the constraints of these names keep apart; if none, of all."""
     found = {}
     for name, one, other in bodies_apart(model, drawn_obstacles(problem), None, pairs):
         found[name] = {body.link for body in (one, other) if not isinstance(body, HalfSpace)}

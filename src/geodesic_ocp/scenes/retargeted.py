@@ -137,7 +137,7 @@ def _actors(
 
 
 def _hidden(arms: tuple[RetargetedArm, ...], number: int) -> frozenset[str]:
-    """Links that the actor of an arm does not show, as another arm of the same robot does."""
+    """Return links that the actor of an arm does not show, as another arm of the same robot does."""
     if not share_a_body(arms):
         return frozenset()
     robot = arms[number].robot
@@ -149,7 +149,9 @@ def _hidden(arms: tuple[RetargetedArm, ...], number: int) -> frozenset[str]:
 
 
 def _obstacles(obstacles: Sequence[Obstacle], placed: BasePose, points: Array) -> Iterator[Solid]:
-    """Obstacles in the base frame, in the scene; half-spaces as wide as the points (k, 3) [m]."""
+    """Yield obstacles in the base frame, in the scene; half-spaces as wide as the points (k, 3)
+    [m].
+    """
     for solid in obstacle_solids(obstacles, points.min(axis=0), points.max(axis=0)):
         yield replace(solid, vertices=placed.points(solid.vertices))
 
@@ -403,7 +405,7 @@ def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[S
 
 
 def _spans_of_robots(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
-    """The synergies of each robot, with the numbers of the person's of which they are made."""
+    """Return the synergies of each robot, with the numbers of the person's of which they are made."""
     found: dict[str, tuple[Span, ...]] = {}
     for arm in retargeting.arms:
         spans = tuple(_span(number, group, time) for number, group in enumerate(arm.groups, 1))
@@ -433,7 +435,9 @@ def _distinct(
 
 
 def _azimuth(retargeting: Retargeting) -> float:
-    """Direction from which the arms are seen well [deg]: from their side if that is the same."""
+    """Return direction from which the arms are seen well [deg]: from their side if that is the
+    same.
+    """
     arms = retargeting.arms
     robots = {arm.mapping.target.side or "right" for arm in arms}
     people = {arm.mapping.source.side or "right" for arm in arms}

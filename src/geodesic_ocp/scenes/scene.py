@@ -273,7 +273,9 @@ class Scene:
         return tuple(name for name in dict.fromkeys(names) if name)
 
     def bounds(self) -> tuple[Array, Array]:
-        """Corners (3,) [m] of a box around the actors, the trails and obstacles of finite size."""
+        """Return corners (3,) [m] of a box around the actors, the trails and obstacles of finite
+        size.
+        """
         points = [np.zeros((0, 3))]
         for actor in self.actors:
             for mesh in actor.meshes:

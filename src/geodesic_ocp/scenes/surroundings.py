@@ -60,7 +60,7 @@ def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
 
 
 def upright(scene: Scene, up: Array) -> Scene:
-    """The scene, turned by the smallest angle that makes the direction `up` (3,) that of z."""
+    """Return the scene, turned by the smallest angle that makes the direction `up` (3,) that of z."""
     sine, cosine = float(np.hypot(up[0], up[1])), float(up[2])
     if sine == 0.0 and cosine > 0.0:
         return scene
@@ -177,7 +177,8 @@ def scaled_ellipsoids(
 
 
 def longest_drawn(squares: Array) -> float:
-    """The semi-axis that is drawn longest, of those with these squares (k,), zero if there is none.
+    """Return the semi-axis that is drawn longest, of those with these squares (k,), zero if there
+    is none.
 
     Usually the longest one, but at most three times the median, so that a nearly singular sample
     does not make all others small.
@@ -217,7 +218,7 @@ def _roots(images: Array, flat: float) -> Array:
 
 
 def _extent(model: Model, q: Array) -> float:
-    """The model's reach [m], or the range of its hand where sliding joints have no limits."""
+    """Return the model's reach [m], or the range of its hand where sliding joints have no limits."""
     if np.isfinite(model.reach):
         return model.reach
     return float(np.ptp(np.asarray(model.hand_pose(q)[1]), axis=0).max())
@@ -258,7 +259,8 @@ def obstacle_solids(obstacles: Sequence[Obstacle], low: Array, high: Array) -> t
 
 
 def carried_obstacles(model: Model, q: Array, obstacles: Sequence[Obstacle]) -> Actor | None:
-    """The obstacles that a link of the model carries, which move with it; None if there are none.
+    """Return the obstacles that a link of the model carries, which move with it; None if there are
+    none.
 
     Args:
         model: model that moves.
@@ -314,7 +316,7 @@ def _surface(body: Body, subdivisions: int = _ROUND) -> tuple[Array, Indices]:
 
 
 def _slab(space: HalfSpace, low: Array, high: Array) -> tuple[Array, Indices]:
-    """A thin plate behind the plane of a half-space, below or beside the box of the scene."""
+    """Return a thin plate behind the plane of a half-space, below or beside the box of the scene."""
     from trimesh import creation
 
     normal, point = np.array(space.normal), np.array(space.point)
@@ -332,7 +334,7 @@ def _arrays(shape: Any, turn: Array, position: Array) -> tuple[Array, Indices]:
 
 
 def _axes_with(z: Array) -> Array:
-    """A rotation (3, 3) whose third column is z, and whose others are along axes where z is."""
+    """Return a rotation (3, 3) whose third column is z, and whose others are along axes where z is."""
     across = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     across /= np.linalg.norm(across)
     return np.column_stack([across, np.cross(z, across), z])
@@ -342,7 +344,8 @@ LAYER = "rest of the person"
 
 
 def rest_of_person(model: Model) -> Actor | None:
-    """Trunk, head and, beside a single arm, the other arm, in the base frame of the model, at rest.
+    """Return trunk, head and, beside a single arm, the other arm, in the base frame of the model,
+    at rest.
 
     See `person_beside`.
 

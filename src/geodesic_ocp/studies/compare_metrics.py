@@ -200,7 +200,8 @@ class MetricComparison:
         return markdown(self.table())
 
     def best_count(self, name: str) -> int:
-        """The number of synergies worth having: that of the least Bayesian information criterion.
+        """Return the number of synergies worth having: that of the least Bayesian information
+        criterion.
 
         With M independent samples of each of n joints, residuals of mean square R_j and noise of
         variance sigma_j^2, the number k minimizes

@@ -256,7 +256,8 @@ class MotionsByProbes:
 
 
 def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
-    """Subjects named after files, assumed heights and masses, and results that are in no table.
+    """Yield subjects named after files, assumed heights and masses, and results that are in no
+    table.
 
     Args:
         rows: rows of the table of recordings.

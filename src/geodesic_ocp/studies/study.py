@@ -271,7 +271,7 @@ class StudyResult:
         return self._labelled(found)
 
     def _labelled(self, table: DataFrame) -> DataFrame:
-        """The table with labels of methods, and without the condition if there is only one."""
+        """Return the table with labels of methods, and without the condition if there is only one."""
         return self._by_condition(_plain(table).rename(index=self.methods, level="method"))
 
     def _by_condition(self, table: DataFrame) -> DataFrame:
@@ -305,7 +305,8 @@ class StudyResult:
         confidence: float = 0.95,
         seed: int = 0,
     ) -> DataFrame:
-        """Paired tests over subjects of all methods against one, or of conditions against one.
+        """Return paired tests over subjects of all methods against one, or of conditions against
+        one.
 
         A pair is a subject's means over the recordings that both methods have, or under both
         conditions. Means that differ by less than 1e-12 of their size are equal. P-values of

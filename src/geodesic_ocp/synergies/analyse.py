@@ -127,7 +127,8 @@ class Analysis:
         return "" if self.threshold is None else f" at a threshold of {self.threshold:g} rad"
 
     def table(self, *, unfiltered: bool = False) -> DataFrame:
-        """Number of segments and mean errors of all methods, of each hand if there are several.
+        """Return number of segments and mean errors of all methods, of each hand if there are
+        several.
 
         Args:
             unfiltered: take the errors against the unfiltered motion (`errors_unfiltered`).
@@ -163,7 +164,9 @@ class Analysis:
         return labels | _BASELINES
 
     def on_same_segments(self) -> dict[str, str]:
-        """Short labels, by method, of the predictions that have the segments of this analysis."""
+        """Return short labels, by method, of the predictions that have the segments of this
+        analysis.
+        """
         return {
             method: label.removeprefix("geodesics, ").removesuffix(", same segments")
             for method, label in self.labels().items()
@@ -171,7 +174,8 @@ class Analysis:
         }
 
     def plot(self, curve: Callable[[Axes], object] | None = None) -> Figure:
-        """The arm at some instants, errors over time on the same segments, and the hands' paths.
+        """Return the arm at some instants, errors over time on the same segments, and the hands'
+        paths.
 
         Args:
             curve: draws the error against the number of synergies into a panel of its own, as

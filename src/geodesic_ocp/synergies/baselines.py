@@ -105,7 +105,9 @@ def _track_poses(
 
 @lru_cache(maxsize=32)
 def _controller(model: Model) -> ca.Function:
-    """One step: q, pose of each hand now and after the step, step [s], gain, damping -> next q."""
+    """Return one step: q, pose of each hand now and after the step, step [s], gain, damping -> next
+    q.
+    """
     q, step, gain, damping = ca.SX.sym("q", model.dof), *(ca.SX.sym(name) for name in "hkd")
     targets: list[ca.SX] = []
     twists, jacobians = [], []
@@ -190,7 +192,8 @@ def minimum_jerk(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
 
 
 def rates(motion: Motion, values: Array) -> Array:
-    """Derivatives (k, m) of sampled values (k, m) by time: central differences, second order.
+    """Return derivatives (k, m) of sampled values (k, m) by time: central differences, second
+    order.
 
     Raises:
         ValueError: the motion has fewer than three samples.
@@ -219,7 +222,8 @@ def minimum_jerk_hand(
     gain: float = 20.0,
     damping: float = 0.02,
 ) -> Motion:
-    """Minimum jerk of the hand on every segment, between the observed ends, and joints that track.
+    """Return minimum jerk of the hand on every segment, between the observed ends, and joints that
+    track.
 
     The position of the hand is a quintic with the observed positions, velocities and accelerations
     at both ends (Flash and Hogan, J. Neuroscience 5, 1985). Its orientation turns about the axis of
@@ -267,7 +271,8 @@ def minimum_jerk_hand(
 
 
 def _observed_hand(model: Model, hand: str, observed: Motion) -> tuple[Array, Array, Array]:
-    """Rotations (k, 3, 3) of a hand, and derivatives of position and orientation at the samples.
+    """Return rotations (k, 3, 3) of a hand, and derivatives of position and orientation at the
+    samples.
 
     (k, 3 derivatives, 3) of the position, (k, 2, 3) of the orientation.
     """
@@ -281,7 +286,9 @@ def _observed_hand(model: Model, hand: str, observed: Motion) -> tuple[Array, Ar
 
 
 def _hand_motion(time: Array, rotations: Array, places: Array, turns: Array) -> Poses:
-    """Poses over a segment, from times (2,), rotations and derivatives of the pose at both ends."""
+    """Return poses over a segment, from times (2,), rotations and derivatives of the pose at both
+    ends.
+    """
     turn = rotation_vector(rotations[1] @ rotations[0].T)  # in base axes
     size = float(np.linalg.norm(turn))
     axis = turn / size if size > 0.0 else np.zeros(3)

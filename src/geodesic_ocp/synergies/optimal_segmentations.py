@@ -228,7 +228,8 @@ class OptimalSegmentations(ShortRepr):
         return self._cuts(count, refined)[1] / len(self.motion)
 
     def predicted(self, count: int, *, refined: bool = True) -> Motion:
-        """The coordinates that `reconstruct` predicts from `segments(count)`, without velocities.
+        """Return the coordinates that `reconstruct` predicts from `segments(count)`, without
+        velocities.
 
         Raises likewise.
         """

@@ -111,7 +111,7 @@ def pose_errors(poses: tuple[Array, Array], targets: tuple[Array, Array]) -> Mot
 def pose_differences(
     poses: tuple[Array, Array], targets: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each."""
+    """Return distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each."""
     distances = np.linalg.norm(poses[1] - targets[1], axis=1)
     between = rotation_vector(poses[0] @ targets[0].transpose(0, 2, 1))
     return np.asarray(distances), np.asarray(np.linalg.norm(between, axis=1))
@@ -246,7 +246,8 @@ def action(metric: Metric, motion: Motion) -> float:
 
 
 def area_between(first: Array, second: Array) -> float:
-    """Area of the ruled surface between two curves, polylines through (k, d) and (m, d) points.
+    """Return area of the ruled surface between two curves, polylines through (k, d) and (m, d)
+    points.
 
     Straight lines connect points of equal relative arc length, x(s, u) = (1 - u) a(s) + u b(s),
     and the area is that of these lines, int int |dx/ds x dx/du| du ds. Where plane curves do not
@@ -266,7 +267,9 @@ def area_between(first: Array, second: Array) -> float:
 
 
 def _evenly_spaced(points: Array) -> Array:
-    """Points at equal distances along the polyline; a curve of length zero stays where it is."""
+    """Return points at equal distances along the polyline; a curve of length zero stays where it
+    is.
+    """
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     upto = np.concatenate([[0.0], np.cumsum(lengths)])
     wanted = np.linspace(0.0, upto[-1], _CELLS + 1)
@@ -274,7 +277,8 @@ def _evenly_spaced(points: Array) -> Array:
 
 
 def nearest_on_path(points: Array, path: Array) -> Array:
-    """The point (k, n) nearest to each of the points (k, n) on the polyline through path (m, n).
+    """Return the point (k, n) nearest to each of the points (k, n) on the polyline through path (m,
+    n).
 
     On the chord from p_i to p_(i+1) it is p_i + u (p_(i+1) - p_i) with u in [0, 1]; distances are
     Euclidean. Chords rather than samples are searched: the spacing of the samples along the path

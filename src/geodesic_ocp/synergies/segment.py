@@ -126,7 +126,9 @@ def check_moving(motion: Motion) -> None:
 
 
 def speeds(metric: Metric, motion: Motion) -> Array:
-    """Observed speeds |q'|_G at every sample, (k,); ValueError if motion and metric do not fit."""
+    """Return observed speeds |q'|_G at every sample, (k,); ValueError if motion and metric do not
+    fit.
+    """
     if metric.dim != len(motion.joint_names):
         raise ValueError(
             f"the metric has dimension {metric.dim}, the motion {len(motion.joint_names)} joints"
@@ -140,7 +142,9 @@ def speeds(metric: Metric, motion: Motion) -> Array:
 
 
 def _observe(metric: Metric, motion: Motion, level: float, rest_duration: float) -> _Observed:
-    """The motion's directions, with as many steps between two samples as the transport needs."""
+    """Return the motion's directions, with as many steps between two samples as the transport
+    needs.
+    """
     parts = _parts(motion)
     while True:
         times = _times_between(motion, 2 * parts)
@@ -168,7 +172,8 @@ def _observe(metric: Metric, motion: Motion, level: float, rest_duration: float)
 
 
 def _parallel_components(metric: Metric, times: Array, curve: Array, velocity: Array) -> Array:
-    """Components (m, n) of velocities (m, n) in an orthonormal frame, parallel along a curve.
+    """Return components (m, n) of velocities (m, n) in an orthonormal frame, parallel along a
+    curve.
 
     Args:
         metric: metric of the curve.
@@ -240,7 +245,8 @@ class _Observed:
         return cuts
 
     def _steadiest(self, start: int, first: int, stop: int, until: float) -> int | None:
-        """The moving instant in [first, stop) until this time whose velocity turns most slowly.
+        """Return the moving instant in [first, stop) until this time whose velocity turns most
+        slowly.
 
         If none moves until then, it is the first that does.
         """
@@ -281,7 +287,7 @@ def _angle(cosine: Array) -> Array:
 
 
 def _states(times: Array, speed: Array, level: float, rest_duration: float) -> np.ndarray:
-    """State (m,) of every instant: moving, at rest at most at this speed, or in a long rest."""
+    """Return state (m,) of every instant: moving, at rest at most at this speed, or in a long rest."""
     at_rest = speed <= level
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at_rest.astype(int), [0]])))
     result = at_rest.astype(np.uint8)
@@ -321,7 +327,9 @@ def _nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
 
 
 def _times_between(motion: Motion, parts: int) -> Array:
-    """Times (m,) of the samples and, with every step between two in equal parts, between them."""
+    """Return times (m,) of the samples and, with every step between two in equal parts, between
+    them.
+    """
     steps = np.diff(motion.time)[:, None]
     between = motion.time[:-1, None] + steps * (np.arange(parts) / parts)
     return np.append(between.ravel(), motion.time[-1])

@@ -93,7 +93,7 @@ class SegmentCosts:
         return sum(rows is None for rows in self._predicted.values())
 
     def predicted(self, segments: Sequence[Pair]) -> Array:
-        """Configurations (k, n) at all samples, predicted by segments that cover the motion."""
+        """Return configurations (k, n) at all samples, predicted by segments that cover the motion."""
         q = np.array(self.motion.q)
         for start, stop in segments:
             rows = self._predicted[start, stop]
@@ -194,7 +194,7 @@ class BestPartitions(ShortRepr):
     before: np.ndarray
 
     def cuts(self, count: int) -> list[int]:
-        """Indices of the count + 1 candidates of the best partition into `count` segments."""
+        """Return indices of the count + 1 candidates of the best partition into `count` segments."""
         stops = [len(self.totals) - 1]
         for number in range(count, 0, -1):
             stops.append(stops[-1] - int(self.before[number, stops[-1]]))
@@ -228,7 +228,8 @@ def best_partitions(costs: Array) -> BestPartitions:
 def refine_cuts(
     cuts: Sequence[int], costs_of: Callable[[list[Pair]], list[float]], step: int
 ) -> tuple[list[int], float]:
-    """Coordinate descent on the cuts: each moves by `step` samples while that lowers the total.
+    """Return coordinate descent on the cuts: each moves by `step` samples while that lowers the
+    total.
 
     The step is halved down to one sample; the result cannot be improved by moving any single cut
     by one sample. The cuts at even and at odd positions are tried in turn, each group at once:

@@ -68,7 +68,8 @@ class Synergy(ShortRepr):
         return self.law.length
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Configuration (k, n), or velocity for order 1, acceleration for 2, at times t (k,) [s].
+        """Return configuration (k, n), or velocity for order 1, acceleration for 2, at times t (k,)
+        [s].
 
         Raises:
             ValueError: t lies outside the synergy, or the order is above 2.

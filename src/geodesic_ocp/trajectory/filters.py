@@ -200,7 +200,8 @@ def without_aliases(q: Array, rate: float, new_rate: float) -> Array:
 
 
 def _smoothing_spline(time: Array, values: Array, cutoff: float) -> scipy.interpolate.BSpline:
-    """The quintic spline x that minimizes sum_i w_i |y_i - x(t_i)|^2 + lambda int |x'''|^2 dt.
+    """Return the quintic spline x that minimizes sum_i w_i |y_i - x(t_i)|^2 + lambda int |x'''|^2
+    dt.
 
     The weights w are those of the trapezoidal rule, so that the sum approximates an integral and
     x hardly depends on the sampling rate. Away from the ends a sine of frequency f is multiplied by
@@ -237,7 +238,9 @@ def _smoothing_spline(time: Array, values: Array, cutoff: float) -> scipy.interp
 
 
 def _third_derivative(knots: Array, points: Array) -> scipy.sparse.csr_array:
-    """Matrix from the coefficients of a quintic spline to its third derivative at the points."""
+    """Return matrix from the coefficients of a quintic spline to its third derivative at the
+    points.
+    """
     degree, size = _DEGREE, knots.size - _DEGREE - 1
     matrix = scipy.sparse.eye_array(size, format="csr")
     for _ in range(_ORDER):
@@ -250,12 +253,15 @@ def _third_derivative(knots: Array, points: Array) -> scipy.sparse.csr_array:
 
 
 def _half_amplitude(cutoff: float) -> float:
-    """Frequency [Hz] that passes with half its amplitude, of the spline with this -3 dB point."""
+    """Return frequency [Hz] that passes with half its amplitude, of the spline with this -3 dB
+    point.
+    """
     return float(cutoff * _AT_3_DB ** (-1.0 / (2 * _ORDER)))
 
 
 def _velocity_gain(cutoff: float) -> float:
-    """Standard deviation of the smoothing spline's velocity for noise of unit density, [1/s Hz^.5].
+    """Return standard deviation of the smoothing spline's velocity for noise of unit density, [1/s
+    Hz^.5].
 
     The root of the integral of (2 pi f)^2 H(f)^2 over all f > 0.
     """
@@ -263,7 +269,8 @@ def _velocity_gain(cutoff: float) -> float:
 
 
 def _noise_density(rate: float, q: Array) -> Array:
-    """Spectral density of the noise (n,) [rad^2/Hz], one-sided, of samples q (k, n) at a rate [Hz].
+    """Return spectral density of the noise (n,) [rad^2/Hz], one-sided, of samples q (k, n) at a
+    rate [Hz].
 
     The median of the density between 12 and 18 Hz (less where the sampling rate is below 50 Hz),
     where people's motions have next to no power. Of white noise, the density is
@@ -307,7 +314,9 @@ def _choose_cutoff(rate: float, q: Array) -> float:
 
 
 def _spectrum(rate: float, q: Array) -> tuple[Array, Array]:
-    """Frequencies (m,) [Hz] and one-sided densities (m, n), of a Hann window without its trend."""
+    """Return frequencies (m,) [Hz] and one-sided densities (m, n), of a Hann window without its
+    trend.
+    """
     window = 1.0 + np.cos(np.pi * np.linspace(-1.0, 1.0, len(q) + 2)[1:-1, None])
     trend = np.vander(np.linspace(-1.0, 1.0, len(q)), 2)
     detrended = q - trend @ np.linalg.lstsq(trend, q, rcond=None)[0]

@@ -155,12 +155,13 @@ class Grid(ShortRepr):
         )
 
     def in_segments(self, values: Array) -> Array:
-        """Values at all nodes (size, ...) arranged by segment, (segments, degree + 1, ...)."""
+        """Return values at all nodes (size, ...) arranged by segment, (segments, degree + 1, ...)."""
         index = self.degree * np.arange(self.segments)[:, None] + np.arange(self.degree + 1)
         return np.asarray(values[index])
 
     def interpolate(self, values: Array, s: ArrayLike) -> Array:
-        """The piecewise polynomial at s (k,), from values by segment (segments, degree + 1, n).
+        """Return the piecewise polynomial at s (k,), from values by segment (segments, degree + 1,
+        n).
 
         Slightly outside [0, 1] the first or the last polynomial is extrapolated.
         """

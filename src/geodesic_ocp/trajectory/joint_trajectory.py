@@ -85,7 +85,8 @@ class JointTrajectory(ShortRepr):
     def side_by_side(
         cls, parts: Sequence[JointTrajectory], joint_names: Sequence[str]
     ) -> JointTrajectory:
-        """Trajectories of several arms at the same times as one trajectory, under these names.
+        """Return trajectories of several arms at the same times as one trajectory, under these
+        names.
 
         Raises:
             ValueError: the trajectories are sampled at different times.
@@ -112,7 +113,8 @@ class JointTrajectory(ShortRepr):
         joint_names: Sequence[str],
         units: Sequence[str] = (),
     ) -> JointTrajectory:
-        """The trajectory through positions (k, n) at times (k,), with derivatives of a spline.
+        """Return the trajectory through positions (k, n) at times (k,), with derivatives of a
+        spline.
 
         The cubic spline interpolates the positions (not-a-knot), so noise in them is amplified.
 
@@ -146,7 +148,8 @@ class JointTrajectory(ShortRepr):
         return 1.0 / step if np.abs(steps - step).max() <= _EVEN * step else None
 
     def at_rate(self, rate: float) -> JointTrajectory:
-        """The trajectory sampled evenly, `rate` times per second [Hz], by quintic interpolation.
+        """Return the trajectory sampled evenly, `rate` times per second [Hz], by quintic
+        interpolation.
 
         Between two samples, the quintic polynomial that has their positions, velocities and
         accelerations. Time is stretched to a whole number of steps, by less than one step
@@ -168,7 +171,8 @@ class JointTrajectory(ShortRepr):
         return JointTrajectory(time, q, v / stretch, a / stretch**2, *names)
 
     def states(self, times: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (k, n) each at times (k,) [s], as in `at_rate`.
+        """Return positions, velocities and accelerations (k, n) each at times (k,) [s], as in
+        `at_rate`.
 
         Before the first sample and after the last one the trajectory is where it begins or ends.
         """
@@ -182,7 +186,8 @@ class JointTrajectory(ShortRepr):
         return {kind: array for kind, array in named if array is not None}
 
     def csv(self) -> str:
-        """CSV with time_from_start and the position, velocity and acceleration of each joint.
+        """Return CSV with time_from_start and the position, velocity and acceleration of each
+        joint.
 
         The columns of joints are named `shoulder position`, with efforts at the end if there are
         any. Angles are in rad; a column of a joint in metres ends in its unit, `lift velocity
@@ -252,7 +257,8 @@ class JointTrajectory(ShortRepr):
 def _quintic_hermite(
     time: Array, positions: Array, velocities: Array, accelerations: Array, instants: Array
 ) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations (m, n) at instants (m,) within increasing times.
+    """Return positions, velocities and accelerations (m, n) at instants (m,) within increasing
+    times.
 
     The interpolant is twice continuously differentiable; its error is of order six in the step.
     """

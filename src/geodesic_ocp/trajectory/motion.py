@@ -307,7 +307,8 @@ class Motion:
 
 
 def bandwidth(motion: Motion, cutoff: float | None = None) -> float:
-    """Frequency [Hz] up to which a motion varies: as given, of its filter, or of its sampling.
+    """Return frequency [Hz] up to which a motion varies: as given, of its filter, or of its
+    sampling.
 
     A motion without frequencies above f has 2 f T independent values in the time T. Of a motion
     whose filter is not known, `Motion.filter` being None, f is half the sampling rate: every sample

@@ -101,7 +101,8 @@ class Path:
         return float(np.sum(self.grid.quadrature.weights * self.speeds_at_quadrature_points**2)) / 2
 
     def _speeds_on(self, fine: Grid) -> Array:
-        """Speeds |q'|_G (segments, degree + 1) at the nodes of a refinement of the path's grid.
+        """Return speeds |q'|_G (segments, degree + 1) at the nodes of a refinement of the path's
+        grid.
 
         One-sided at breakpoints, where the derivative may jump.
         """
@@ -202,7 +203,7 @@ class Path:
 
 @lru_cache(maxsize=64)
 def _refined(grid: Grid, level: int) -> Grid:
-    """The grid, then with twice its degree, then with its segments halved again and again."""
+    """Return the grid, then with twice its degree, then with its segments halved again and again."""
     degree, parts = min(2 * grid.degree, 100), 2 ** (level - 1)
     if level <= 1:
         return replace(grid, degree=degree if level else grid.degree, via_segments=())

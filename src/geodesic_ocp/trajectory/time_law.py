@@ -173,7 +173,7 @@ def time_law(
 
 
 def _speed_range(length: float, start: float, end: float) -> tuple[float, float]:
-    """Smallest and largest speed of the solution without inequalities, over a unit of time."""
+    """Return smallest and largest speed of the solution without inequalities, over a unit of time."""
     half, third = 3.0 * length - 2.0 * start - end, 3.0 * (start + end - 2.0 * length)
     speeds = [start, end]  # of start + 2 half t + third t^2
     if third != 0.0 and 0.0 < -half / third < 1.0:
@@ -236,7 +236,8 @@ def motion_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Mo
 
 
 def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array, ...]:
-    """Positions, velocities and accelerations, (k, n) each, at times t (k,) [s] of a time law.
+    """Return positions, velocities and accelerations, (k, n) each, at times t (k,) [s] of a time
+    law.
 
     Distances beyond an end of the path are clipped to it; on a path of zero length nothing moves.
     Derivatives above the given order are left out.

@@ -89,7 +89,8 @@ _INSTANTS = 100  # at most, at which bodies are looked at
 
 
 def extremes(scene: Scene) -> Array:
-    """Points (k, 3) [m] of actors, trails, markers and finite obstacles, extreme in all directions.
+    """Return points (k, 3) [m] of actors, trails, markers and finite obstacles, extreme in all
+    directions.
 
     A view that holds them holds nearly everything at all times.
     """

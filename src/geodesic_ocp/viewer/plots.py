@@ -32,7 +32,8 @@ _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # more 
 def draw_plot(
     plot: Plot, limits: tuple[float, float], label: str, spans: Sequence[Span]
 ) -> tuple[str, tuple[float, float, float, float]]:
-    """An SVG of a plot, and left, right, bottom and top of its axes as fractions of its size.
+    """Return an SVG of a plot, and left, right, bottom and top of its axes as fractions of its
+    size.
 
     Args:
         plot: what is drawn; every second span is shaded.

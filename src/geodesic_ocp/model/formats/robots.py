@@ -131,7 +131,8 @@ def urdf_armature(root: ET.Element, name: str) -> dict[str, float]:
 
 
 def srdf_armature(urdf: Path) -> dict[str, float]:
-    """Joint inertias [kg m^2 or kg] from the SRDF that a package has for a URDF, by joint name.
+    """Return joint inertias [kg m^2 or kg] from the SRDF that a package has for a URDF, by joint
+    name.
 
     It is in the folder `srdf` beside that of the URDF, is for a robot of the same name, and has a
     group `rotor_params` with the inertia of each rotor (its attribute is called mass) and the gear

@@ -14,7 +14,9 @@ _HALF_TURN = np.full(3, np.pi)
 
 
 def axis_rotation(axis: str, angles: ArrayLike) -> Array:
-    """Matrices (..., 3, 3) of rotations about the axis "x", "y" or "z" by angles (...) [rad]."""
+    """Return matrices (..., 3, 3) of rotations about the axis "x", "y" or "z" by angles (...)
+    [rad].
+    """
     angle = np.asarray(angles, dtype=float)
     i = "xyz".index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3
@@ -37,7 +39,8 @@ def successive_rotations(axes: str, angles: Array) -> Array:
 def continuous_angles(
     rotations: Array, axes: str, lower: Array = -_HALF_TURN, upper: Array = _HALF_TURN
 ) -> Array:
-    """Angles (a, b, c) with R = R_i(a) R_j(b) R_k(c) about different axes i, j, k, e.g. "xzy".
+    """Return angles (a, b, c) with R = R_i(a) R_j(b) R_k(c) about different axes i, j, k, e.g.
+    "xzy".
 
     R is also given by (a + pi, pi - b, c + pi) and by whole turns of each angle. At the first
     sample the angles are those nearest to the limits; after it each step is the shorter one, so

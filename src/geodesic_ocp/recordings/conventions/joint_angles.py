@@ -171,7 +171,8 @@ def _arm_angles(
 
 
 def _axial_rotation(direction: Array) -> Array:
-    """Angles (k,) about the upper arm's z axis that bring the forearm into the plane of flexion.
+    """Return angles (k,) about the upper arm's z axis that bring the forearm into the plane of
+    flexion.
 
     `direction` (k, 3) is the forearm's z axis in axes of the recorded upper arm; with the elbow
     flexed by e in the plane it is (0, -sin e, cos e).

@@ -64,7 +64,7 @@ def turning_across(turning: Mapping[str, Array], along: Array) -> list[str]:
 
 
 def turning_along(turning: Mapping[str, Array], along: Array) -> str | None:
-    """The coordinate that turns about the axis nearest to a long axis (3,), if one is near."""
+    """Return the coordinate that turns about the axis nearest to a long axis (3,), if one is near."""
     cosines = _cosines(turning, along)
     best = max(cosines, key=cosines.__getitem__, default=None)
     return best if best is not None and cosines[best] > _ALONG else None
@@ -129,7 +129,7 @@ class ArmAxes:
 
 
 def _axes(up: Array, forward: Array) -> Array:
-    """Axes (..., 3, 3) as columns with z along `up` and y next to `forward`, both (..., 3)."""
+    """Return axes (..., 3, 3) as columns with z along `up` and y next to `forward`, both (..., 3)."""
     z = up / np.linalg.norm(up, axis=-1, keepdims=True)
     x = np.cross(forward, z)
     x = x / np.linalg.norm(x, axis=-1, keepdims=True)
@@ -143,7 +143,8 @@ def arm_axes(
     zero: Mapping[str, Array],
     neutral: Mapping[str, float],
 ) -> ArmAxes:
-    """The axes of the arm with these bodies of upper arm, forearm and hand (or without a hand).
+    """Return the axes of the arm with these bodies of upper arm, forearm and hand (or without a
+    hand).
 
     Args:
         model: model of the arm.
@@ -175,7 +176,7 @@ def arm_axes(
     given = {name: np.array([value]) for name, value in neutral.items()}
 
     def posed(elbow: Array) -> tuple[ArmAxes, dict[str, Array]]:
-        """The axes with this centre of the elbow, and the coordinates of the neutral pose."""
+        """Return the axes with this centre of the elbow, and the coordinates of the neutral pose."""
         up = shoulder - elbow
         arm = ArmAxes(bodies[:2], _axes(up, np.cross(up, axis)), elbow, wrist, np.zeros(3))
         pose = {**zero, **given}
@@ -207,7 +208,8 @@ def _wrist_in_upper_arm(
 
 
 def _nearest_point(hinge: Array, axis: Array, start: Array, end: Array) -> Array:
-    """The point (3,) of the axis through the hinge that is nearest to the line from start to end.
+    """Return the point (3,) of the axis through the hinge that is nearest to the line from start to
+    end.
 
     It is the hinge itself if the two are within 30 degrees of one direction.
     """
@@ -240,7 +242,8 @@ def _palm_inwards(
     zero: Mapping[str, Array],
     rotating: str | None,
 ) -> tuple[ArmAxes, float]:
-    """The arm with the thumb's direction, and the forearm's rotation with the palm inwards [rad].
+    """Return the arm with the thumb's direction, and the forearm's rotation with the palm inwards
+    [rad].
 
     Palmar flexion turns the right hand about the direction of the thumb, the left one against it.
     """

@@ -97,7 +97,8 @@ class OsimConvention:
 
 
 def as_osim_convention(given: object) -> OsimConvention | None:
-    """The convention itself, that of a file .osim, or that in a JSON file with the key "model".
+    """Return the convention itself, that of a file .osim, or that in a JSON file with the key
+    "model".
 
         {"model": "arm.osim", "bodies": {"thorax": "base"}, "neutral": {"pro_sup": 90}}
 

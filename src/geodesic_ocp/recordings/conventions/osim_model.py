@@ -141,7 +141,8 @@ class OsimModel:
         return tuple(reversed(way))
 
     def independent(self, joints: tuple[OsimJoint, ...]) -> tuple[str, ...]:
-        """The coordinates that move these joints; in place of coupled ones, those that move them.
+        """Return the coordinates that move these joints; in place of coupled ones, those that move
+        them.
 
         Raises:
             RecordingError: couplers depend on one another in a circle, or a coordinate is missing.

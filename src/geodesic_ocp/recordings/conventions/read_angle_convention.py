@@ -17,7 +17,8 @@ from geodesic_ocp.records import read_json_or_toml
 
 
 def as_angle_convention(given: AngleConvention | str | Path | None) -> AngleConvention | None:
-    """The convention itself, the built-in one of this name, or the one in a JSON or TOML file.
+    """Return the convention itself, the built-in one of this name, or the one in a JSON or TOML
+    file.
 
     Files have the attributes of AngleConvention, SegmentRelation and AxisRotation as keys. With
     "extends", the relations of a built-in convention precede those in the file, which replace those

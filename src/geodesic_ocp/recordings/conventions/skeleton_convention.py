@@ -115,7 +115,7 @@ def metres_per_unit(unit: str | float) -> float:
 
 
 def _both_sides(**names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Names by segment; those of the arms are given with {side}, {Side}, {s} or {S} in them."""
+    """Return names by segment; those of the arms are given with {side}, {Side}, {s} or {S} in them."""
     arms = {"upper_arm": "upper arm", "forearm": "forearm", "hand": "hand"}
     joints = {segment: given for segment, given in names.items() if segment not in arms}
     for side in ("right", "left"):
@@ -223,7 +223,8 @@ SKELETON_CONVENTIONS = (_CMU, _HUMAN_IK, _BIOVISION, _MVN, _BIPED, _POSER, SMPL)
 def as_skeleton_convention(
     given: SkeletonConvention | str | Path | None,
 ) -> SkeletonConvention | None:
-    """The convention itself, or the one in a JSON or TOML file with the attributes as its keys.
+    """Return the convention itself, or the one in a JSON or TOML file with the attributes as its
+    keys.
 
         {"name": "mine", "up": "+z", "forward": "+y",
          "joints": {"thorax": "Torso", "right upper arm": ["RUpper", "RArm"]}}

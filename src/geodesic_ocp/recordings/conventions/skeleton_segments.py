@@ -46,7 +46,7 @@ class Skeleton:
         return path[::-1]
 
     def way(self, start: int, end: int) -> list[int]:
-        """Indices of the joints from the first after `start` to `end`, which comes after it."""
+        """Return indices of the joints from the first after `start` to `end`, which comes after it."""
         path = self.path(end)
         return path[path.index(start) + 1 :]
 
@@ -80,7 +80,8 @@ class SkeletonMotion:
 def forward_kinematics(
     motion: SkeletonMotion, joints: Iterable[int]
 ) -> dict[int, tuple[Array, Array]]:
-    """Rotations (k, 3, 3) and positions (k, 3) in the file's space of the frames of these joints.
+    """Return rotations (k, 3, 3) and positions (k, 3) in the file's space of the frames of these
+    joints.
 
     Those of the joints on the way from the root are included.
     """
@@ -106,7 +107,8 @@ _SHOWN = 60  # names of joints in a message
 def named_segments(
     file: Path, skeleton: Skeleton, convention: SkeletonConvention | None
 ) -> tuple[SkeletonConvention, dict[str, int]]:
-    """The convention, or the known one that fits best, and the joint of every segment it finds.
+    """Return the convention, or the known one that fits best, and the joint of every segment it
+    finds.
 
     A convention fits if it finds the thorax, and upper arm and forearm of at least one arm; the
     best is the one that finds most segments. Joints must follow each other as the segments do:
@@ -172,7 +174,9 @@ def _found(file: Path, skeleton: Skeleton, convention: SkeletonConvention) -> di
     plain = [_plain(name) for name in skeleton.names]
 
     def first(segment: str, above: int | None, below: list[int]) -> int | None:
-        """The best-named joint of the segment, under the joint `above` and over those `below`."""
+        """Return the best-named joint of the segment, under the joint `above` and over those
+        `below`.
+        """
         for name in convention.joints.get(segment, ()):
             matches = [
                 joint

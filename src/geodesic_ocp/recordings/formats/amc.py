@@ -73,7 +73,9 @@ def read_sections(file: Path, lines: list[str]) -> dict[str, Lines]:
 
 
 def read_units(file: Path, lines: Lines) -> tuple[float | None, float | None]:
-    """Metres and radians in the units of length and of angles, None where they are not stated."""
+    """Return metres and radians in the units of length and of angles, None where they are not
+    stated.
+    """
     unit, angle = None, None
     for number, words in lines:
         key = words[0].lower()
@@ -286,7 +288,7 @@ def _rotation(order: str, angles: Array) -> Array:
 
 
 def bone_rotations(skeleton: AcclaimSkeleton, bone: str, angles: Array) -> Array:
-    """Rotations (k, 3, 3) of a bone relative to its parent, from its angles (k, dofs) [rad]."""
+    """Return rotations (k, 3, 3) of a bone relative to its parent, from its angles (k, dofs) [rad]."""
     every = np.zeros((len(angles), 3))
     for column, dof in enumerate(skeleton.dofs[bone]):
         every[:, "xyz".index(dof[1])] = angles[:, column]

@@ -118,7 +118,9 @@ def read_c3d_header(file: Path, content: bytes) -> C3dHeader:
 
 
 def floats(content: bytes, order: str, is_dec: bool) -> Array:
-    """Numbers of four bytes; DEC's have their words swapped and another offset of the exponent."""
+    """Return numbers of four bytes; DEC's have their words swapped and another offset of the
+    exponent.
+    """
     if is_dec:
         content = np.frombuffer(content, "<u2").reshape(-1, 2)[:, ::-1].tobytes()
     with np.errstate(invalid="ignore"):  # signalling NaN
@@ -159,7 +161,9 @@ def _parameters(
 def _values(
     content: bytes, at: int, order: str, is_dec: bool
 ) -> tuple[Array | list[str], int | None]:
-    """Values of a parameter, and where they end; None if their type is unknown or they do not."""
+    """Return values of a parameter, and where they end; None if their type is unknown or they do
+    not.
+    """
     kind, rank = struct.unpack_from("bB", content[at : at + 2].ljust(2, b"\0"))
     dimensions = content[at + 2 : at + 2 + rank]
     count, start = math.prod(dimensions), at + 2 + rank
@@ -283,7 +287,7 @@ def _labels(header: C3dHeader) -> list[str]:
 
 
 def _without_prefix(labels: list[str]) -> tuple[list[str], str]:
-    """Labels without the subject before a colon, if they then still differ; and the subject."""
+    """Return labels without the subject before a colon, if they then still differ; and the subject."""
     split = [label.rpartition(":") for label in labels]
     names = [name.strip() for _, _, name in split]
     if "" in names or len(set(names)) < len(names):

@@ -191,7 +191,8 @@ def _motion(
 
 
 def _root(file: Path, motion: ElementTree.Element, time: Array) -> FrameMotion | None:
-    """The poses of the pelvis at these times; None if the file does not have them at all of them.
+    """Return the poses of the pelvis at these times; None if the file does not have them at all of
+    them.
 
     Version 2.0 has them in a sensor of their own, with times of their own.
     """

@@ -34,7 +34,8 @@ _OTHERS = (
 
 
 def recognise(file: Path) -> str:
-    """The format of a file, a key of `FORMATS`, from its first bytes; its suffix does not count.
+    """Return the format of a file, a key of `FORMATS`, from its first bytes; its suffix does not
+    count.
 
     Raises:
         RecordingError: the file is missing or of another format; says what it looks like.
@@ -99,7 +100,9 @@ def _is_table(lines: list[str]) -> bool:
 
 
 def _is_marker_table(lines: list[str]) -> bool:
-    """Three columns NAME_x, NAME_y and NAME_z are a marker, unless the unit is that of angles."""
+    """Return three columns NAME_x, NAME_y and NAME_z are a marker, unless the unit is that of
+    angles.
+    """
     units = [note[2].lower() for note in _notes(lines) if note[1].lower() == "unit"]
     if units:
         return units[0] in LENGTHS

@@ -65,7 +65,8 @@ class ChosenMarkers:
 def choose_markers(
     body: MarkedBody, positions: Markers, marker_set: MarkerSet | None, height_factor: float
 ) -> ChosenMarkers:
-    """The markers that a set, or of the known sets the one with most of them, places on the body.
+    """Return the markers that a set, or of the known sets the one with most of them, places on the
+    body.
 
     Offsets in metres are divided by `height_factor`, by which the body is to be scaled.
 
@@ -119,7 +120,8 @@ def _frames(body: MarkedBody) -> MarkerSet:
 
 
 def standing_height(positions: Markers) -> float | None:
-    """Body height [m] from the markers of head and feet, in a space with z up; None without them.
+    """Return body height [m] from the markers of head and feet, in a space with z up; None without
+    them.
 
     The mean over the pairs of a marker of the head and one of the feet of their vertical distance,
     divided by what it is at a height of 1 m, when the person stands as upright as at any time.
@@ -157,7 +159,8 @@ class KnownHeight:
 def known_height(
     body: MarkedBody, positions: Markers, height: float | None, settings: FitSettings
 ) -> KnownHeight:
-    """The height that is given, of the recording's subject, of a standing person or of the model.
+    """Return the height that is given, of the recording's subject, of a standing person or of the
+    model.
 
     Raises:
         ValueError: a height for a model that is not of a person, or not a height.

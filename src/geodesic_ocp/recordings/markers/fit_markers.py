@@ -64,7 +64,9 @@ class FrameSearch:
     outlier: float
 
     def nearest(self, start: Array, observed: Array) -> tuple[Array, float]:
-        """Angles near a start (nz,) for observed positions (m, 3), their loss per marker [m^2]."""
+        """Return angles near a start (nz,) for observed positions (m, 3), their loss per marker
+        [m^2].
+        """
         seen = ~np.isnan(observed[:, 0])
         if not seen.any():
             return start, np.inf
@@ -113,7 +115,8 @@ class FrameSearch:
         return min(found, key=lambda pair: pair[1])
 
     def along(self, guesses: Array, observed: Array) -> Array:
-        """Angles of frames (k, nz), each from its neighbour's, and anew where that is much better.
+        """Return angles of frames (k, nz), each from its neighbour's, and anew where that is much
+        better.
 
         `guesses` (k, nz) gives the root.
         """
@@ -201,7 +204,9 @@ def _coarse(time: Array) -> NDArray[np.int64]:
 
 
 def _root_start(problem: FitProblem, time: Array) -> tuple[FitProblem, Array]:
-    """First values of the variables, and the problem with axes that suit the root's rotation."""
+    """Return first values of the variables, and the problem with axes that suit the root's
+    rotation.
+    """
     z = np.tile(problem.neutral, (time.size, 1))
     if not problem.moves:
         return problem, z

@@ -65,7 +65,9 @@ class FitProgram:
     def solve(
         self, x: Array, outlier: float, tolerance: float, options: dict[str, Any] | None
     ) -> Outcome:
-        """The solution from x, where a marker `outlier` [m] away keeps a quarter of its weight."""
+        """Return the solution from x, where a marker `outlier` [m] away keeps a quarter of its
+        weight.
+        """
         assert self.program.quadratic is not None
         stiffest = float(abs(self.program.quadratic[0]).max())
         bounded = max(1, int(np.isfinite([self.lower, self.upper]).sum()))
@@ -143,7 +145,9 @@ class FitProblem:
         return np.concatenate([_LENGTH_SPREAD * self._sought, np.repeat(uncertainty, 3)])
 
     def shared_values(self, shared: ca.SX | ca.DM) -> tuple[Any, Any]:
-        """Lengths relative to the model's (l, 1), and offsets (3, m) [m], by shared variables."""
+        """Return lengths relative to the model's (l, 1), and offsets (3, m) [m], by shared
+        variables.
+        """
         count = self._sought.size
         given = np.concatenate([np.full(count, self.known.factor), self.chosen.places.ravel()])
         matrix = ca.sparsify(ca.DM(np.diag(self._spreads)[:, self._spreads > 0.0]))
@@ -193,7 +197,9 @@ class FitProblem:
         return ca.Function("slopes", [z, shared], [ca.cse(each) for each in outputs])
 
     def positions(self, z: Array, shared: Array) -> Array:
-        """Markers' positions (k, m, 3) [m] from the variables of frames (k, nz) and shared ones."""
+        """Return markers' positions (k, m, 3) [m] from the variables of frames (k, nz) and shared
+        ones.
+        """
         *symbols, points = self.frame
         at = ca.Function("positions", symbols, [ca.cse(ca.densify(ca.vec(points)))]).map(len(z))
         stacked = at(z.T, np.repeat(shared[:, None], len(z), axis=1)).full()
@@ -273,7 +279,8 @@ class FitProblem:
 
 
 def roughness(time: Array, orders: dict[int, float]) -> scipy.sparse.csc_matrix:
-    """Matrix R (k, k) with x' R x = sum over the orders n of the integral of (x^(n) / s_n)^2 dt.
+    """Return matrix R (k, k) with x' R x = sum over the orders n of the integral of (x^(n) / s_n)^2
+    dt.
 
     Derivatives are divided differences of the samples, so that the integral hardly depends on the
     sampling rate, and samples may be unevenly spaced.

@@ -93,7 +93,8 @@ def _plain(name: str) -> str:
 
 
 def as_marker_set(given: MarkerSet | str | PathLike[str] | None) -> MarkerSet | None:
-    """The marker set itself, or the one in a JSON or TOML file with the attributes as its keys.
+    """Return the marker set itself, or the one in a JSON or TOML file with the attributes as its
+    keys.
 
         {"name": "laboratory", "unit": "m", "uncertainty": {"dial": 0.02},
          "places": {"dial": ["left forearm", [-0.03, 0.0, -0.22]]}}

@@ -77,7 +77,8 @@ def without_stray(places: Array, points: Array) -> NDArray[np.int64]:
 
 
 def rigid_poses(places: Array, observed: Array, time: Array) -> tuple[Array, Array]:
-    """Rotations (k, 3, 3) and positions (k, 3) that place points on a rigid body's observed ones.
+    """Return rotations (k, 3, 3) and positions (k, 3) that place points on a rigid body's observed
+    ones.
 
     By least squares in every frame with three points seen or more, in the others interpolated.
 

@@ -48,7 +48,8 @@ _RIGHT: dict[str, Any] = {"color": "0.05", "linewidth": 1.2, "markerfacecolor": 
 
 
 def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
-    """A robot with the hand where that of a person's arm is, in three postures, from two sides.
+    """Return a robot with the hand where that of a person's arm is, in three postures, from two
+    sides.
 
     Everything is in the person's axes and relative to the shoulder [m]; the person's arm, an
     outline, has the length of the robot's. Arrows show where the fingers point, and what points to

@@ -92,7 +92,7 @@ def _mounted_as_shoulder(robot: Model, found: Landmarks, side: Side) -> BaseAxes
 
 
 def _front(robot: Model, found: Landmarks, axis: Array) -> Array:
-    """The axis of the base at right angles to the first joint's along which the arm reaches."""
+    """Return the axis of the base at right angles to the first joint's along which the arm reaches."""
     first = found.first_coordinate
     low, high = robot.lower[first], robot.upper[first]
     front = _horizontal(np.eye(3)[0], axis)
@@ -109,7 +109,9 @@ def _front(robot: Model, found: Landmarks, axis: Array) -> Array:
 
 
 def _horizontal(wanted: Array, normal: Array) -> Array:
-    """The unit vector at right angles to the normal next to the wanted one, or to the y axis."""
+    """Return the unit vector at right angles to the normal next to the wanted one, or to the y
+    axis.
+    """
     for each in (wanted, np.eye(3)[1]):
         across = each - normal * (normal @ each)
         if np.linalg.norm(across) > 0.5:
@@ -183,7 +185,9 @@ def hand_axes(robot: Model, found: Landmarks, base: Array, side: Side) -> HandAx
 def _approach(
     robot: Model, axes: JointAxes, found: Landmarks, rotation: Array, position: Array, last: Array
 ) -> tuple[Array, str]:
-    """Unit direction (3,) in which the hand reaches, in its frame, and what it was taken from."""
+    """Return unit direction (3,) in which the hand reaches, in its frame, and what it was taken
+    from.
+    """
     from_wrist = rotation.T @ (position - wrist_centre(axes, position))
     size = float(np.linalg.norm(from_wrist))
     if size > _SHORT * found.length:
@@ -202,7 +206,7 @@ def _approach(
 
 
 def _nearest_axis(direction: Array, excluded: Array | None = None) -> Array:
-    """The axis of the frame nearest to a direction, if one is near, otherwise the direction."""
+    """Return the axis of the frame nearest to a direction, if one is near, otherwise the direction."""
     candidates = np.vstack([np.eye(3), -np.eye(3)])
     if excluded is not None:
         candidates = candidates[np.abs(candidates @ excluded) < np.sqrt(0.5)]
@@ -220,7 +224,7 @@ def _across(direction: Array, normal: Array) -> Array:
 
 
 def _hanging(robot: Model, found: Landmarks, base: Array, reach: Array) -> Array:
-    """Rotation (3, 3) of the hand with the arm hanging down, as near as joint limits permit."""
+    """Return rotation (3, 3) of the hand with the arm hanging down, as near as joint limits permit."""
     down = -base[:, 2]
     target = found.shoulder + _STRETCH * found.length * down
     low, high = robot.lower, robot.upper

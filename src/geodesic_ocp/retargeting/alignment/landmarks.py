@@ -95,7 +95,9 @@ def landmarks(robot: Model) -> Landmarks:
 
 
 def nearest_point(origins: Array, directions: Array) -> tuple[Array, float]:
-    """The point (3,) nearest to some lines in the least-squares sense, and its largest distance."""
+    """Return the point (3,) nearest to some lines in the least-squares sense, and its largest
+    distance.
+    """
     across = [np.eye(3) - np.outer(axis, axis) for axis in directions]
     mean = origins.mean(axis=0)
     weighted = sum(each @ (origin - mean) for each, origin in zip(across, origins, strict=True))
