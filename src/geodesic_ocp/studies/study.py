@@ -409,7 +409,7 @@ class StudyResult:
         """Return whether the reference is a method, not a condition, and its key."""
         wanted = _LIKE_FOR_LIKE if against is None else against
         for key, label in self.methods.items():
-            if wanted in (key, label):
+            if wanted in (key, label, label.removesuffix(f" ({key})")):
                 return True, key
         conditions = self.conditions if self.by else ()
         if wanted in conditions:
