@@ -81,7 +81,7 @@ def measure(data: Path, out: Path, count: int, jobs: int) -> float:
         done.set()
         watcher.join()
     seconds, used = time.perf_counter() - start, _processor_time() - used
-    rows = {str(row["recording"]) for row in result.recordings()}
+    rows = set(result.recordings()["recording"])
     assert len(rows) + len(result.failures) == count, "a recording is lost"
     rate = 3600.0 * len(rows) / seconds
     print(f"{jobs} processes: {result.counts} in {seconds:.1f} s, {rate:.0f} an hour")
