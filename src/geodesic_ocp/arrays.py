@@ -110,7 +110,7 @@ def as_not_negative(name: str, value: float, unit: str = "") -> float:
 
 
 def as_integer(name: str, value: object, least: int) -> int:
-    """Return the value as an integer of at least `least`; ValueError names the argument otherwise."""
+    """Get the value as an integer of at least `least`; ValueError names the argument otherwise."""
     try:
         number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
@@ -167,6 +167,6 @@ def _short(entry: Any) -> str:
 
 
 def rotation_vector(rotation: Array) -> Array:
-    """Return axis times angle (..., 3) [rad] of rotation matrices (..., 3, 3), accurate up to pi."""
+    """Get axis times angle (..., 3) [rad] of rotation matrices (..., 3, 3), accurate up to pi."""
     result: Array = Rotation.from_matrix(rotation).as_rotvec()
     return result

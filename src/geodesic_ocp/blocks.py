@@ -221,7 +221,7 @@ class Block:
         return np.asarray((self.terms.size * np.arange(self.num_places)[:, None] + at).ravel())
 
     def _summed(self, values: ca.MX) -> ca.MX:
-        """Return values of instances, one column each, added up where they have the same variables."""
+        """Get values of instances, one column each, added up where they have the same variables."""
         if self.groups is None:
             return values
         ones, each = np.ones(self.count), np.arange(self.count)

@@ -99,7 +99,7 @@ def cone(half_angle: float) -> SurfaceOfRevolution:
 
 
 def torus(major: float, minor: float) -> SurfaceOfRevolution:
-    """Return the torus of radii `major` and `minor` [m]; u is the angle about the tube, 0 outside."""
+    """Get the torus of radii `major` and `minor` [m]; u is the angle about the tube, 0 outside."""
     return SurfaceOfRevolution(lambda u: major + minor * ca.cos(u), lambda u: minor)
 
 

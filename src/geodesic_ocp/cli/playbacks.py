@@ -336,7 +336,7 @@ def _parts(
 
 
 def _named_beside(file: Path) -> list[str]:
-    """Return names of the robots in the files of synergies beside a trajectory, if all are known."""
+    """Get names of the robots in the files of synergies beside a trajectory, if all are known."""
     one = file.with_name("synergies.json")
     beside = [one] if one.is_file() else sorted(file.parent.glob("synergies_[0-9].json"))
     names = [

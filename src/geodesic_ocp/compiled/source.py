@@ -65,7 +65,7 @@ def core_text() -> str:
 
 
 def source_text(functions: Mapping[str, ca.Function], dim: int) -> str:
-    """Return C text of CasADi functions, and of the core that calls them on R^dim if dim is not 0."""
+    """Get C text of CasADi functions, and of the core that calls them on R^dim if dim is not 0."""
     generator = ca.CodeGenerator("functions.c", {"with_header": False})
     for name, function in functions.items():
         assert function.name() == name

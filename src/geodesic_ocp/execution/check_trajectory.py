@@ -279,7 +279,7 @@ def _worst(excess: Array) -> Iterator[tuple[int, int]]:
 def _contradictions(
     trajectory: JointTrajectory, found: Mapping[str, tuple[Array, Array]]
 ) -> Iterator[str]:
-    """Yield velocities that are not the derivatives of positions, accelerations not of velocities."""
+    """Give velocities that are not the derivatives of positions, accelerations not of velocities."""
     time = trajectory.time
     words = ("velocities", "positions", ""), ("accelerations", "velocities", "/s")
     for (kind, of, per), (missed, bounds) in zip(words, found.values(), strict=True):
@@ -359,7 +359,7 @@ def _unrest(trajectory: JointTrajectory) -> Iterator[str]:
 
 
 def _least_clearance(trajectory: JointTrajectory, clearance: Clearance) -> tuple[float, list[str]]:
-    """Return the least of all distances [m], and a sentence for each that is below its lower bound."""
+    """Get the least of all distances [m], and a sentence for each that is below its lower bound."""
     joints = len(trajectory.joint_names)
     if clearance.dof != joints:
         raise ValueError(f"clearance must be of the {joints} joints of all models: {clearance!r}")

@@ -231,7 +231,7 @@ def published_limits() -> Mapping[str, KnownLimits]:
 
 
 def known_limits(model: Model) -> KnownLimits | None:
-    """Return the published limits of this robot, known by name and joints; None if there are none."""
+    """Get the published limits of this robot, known by name and joints; None if there are none."""
     name = re.sub(r" with [0-9.e+-]+ kg$", "", model.name)  # that of a model with a payload
     known = published_limits().get(name)
     if known is None or model.dof != len(known.joints):

@@ -372,7 +372,7 @@ def _within_reach(
 
 
 def capsule_distances(one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose]) -> Array:
-    """Return signed distances (c, k) [m] of all pairs of capsules of two links, at k sampled poses."""
+    """Get signed distances (c, k) [m] of all pairs of capsules of two links, at k sampled poses."""
     starts, ends, radii = _placed_capsules(one, poses)
     other_starts, other_ends, other_radii = _placed_capsules(other, poses)
     apart = segment_distances(
@@ -394,12 +394,12 @@ def _placed_capsules(each: PlacedSolid, poses: Sequence[Pose]) -> tuple[Array, A
 def exact_distance_at(
     one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], sample: int
 ) -> float:
-    """Return distance [m] of two links at one sample, of their exact geometry; 0 if they overlap."""
+    """Get distance [m] of two links at one sample, of their exact geometry; 0 if they overlap."""
     return exact_distance(*one.posed(poses, sample), *other.posed(poses, sample))
 
 
 def as_configurations(name: str, value: ArrayLike, dof: int) -> Array:
-    """Return the value as finite configurations (k, dof); ValueError names the argument otherwise."""
+    """Get the value as finite configurations (k, dof); ValueError names the argument otherwise."""
     q = np.asarray(value, dtype=float)
     if q.ndim != 2 or q.shape[1] != dof or not np.isfinite(q).all():
         raise ValueError(f"{name} must be finite, of shape (k, {dof}), got {q.shape}")

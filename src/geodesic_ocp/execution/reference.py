@@ -216,7 +216,7 @@ class Course:
         return self._at(s)
 
     def _at(self, s: Array) -> Reference:
-        """Return at path parameters s (knots,); a knot at a junction is where the next path begins."""
+        """Get at path parameters s (knots,); a knot at a junction is where the next path begins."""
         s = s.copy()
         s[self.at[:-1]] = 0.0
         positions, tangents = np.empty((2, s.size, self.arm.robot.dof))
@@ -227,7 +227,7 @@ class Course:
         return Reference(positions, tangents)
 
     def _slopes(self, rest: bool, stops: bool) -> Array:
-        """Return derivatives (k, 2) of the parameter of every path at its ends, over its duration."""
+        """Get derivatives (k, 2) of the parameter of every path at its ends, over its duration."""
         durations = np.diff(self.arm.edges)
         lengths = np.array([path.length for path in self.arm.paths])
         speeds = np.zeros(lengths.size + 1)
@@ -299,7 +299,7 @@ class JointSpline(ShortRepr):
         return self._extremes(self.curve.c, [_ratio(both, a), _ratio(c, both)])
 
     def _extremes(self, powers: Array, turns: Sequence[Array]) -> tuple[Array, Array]:
-        """Return least and largest values of polynomials in pieces (k, n) at their ends and turns."""
+        """Get least and largest values of polynomials in pieces (k, n) at their ends and turns."""
         end = np.broadcast_to(np.diff(self.curve.x)[:, None], powers.shape[1:])
         times = [0.0 * end, end, *(np.clip(turn, 0.0, end) for turn in turns)]
         values = [np.polyval(powers, t) for t in times]

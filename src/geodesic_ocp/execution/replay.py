@@ -145,7 +145,7 @@ class Replay:
         return markdown(self.table())
 
     def plot(self) -> Figure:
-        """Return tracking errors of the joints, errors of the hand and shares of torques over time."""
+        """Get tracking errors of the joints, errors of the hand and shares of torques over time."""
         return draw_replay(
             self.motion.time,
             self.model.joint_names,

@@ -261,7 +261,7 @@ class TrajectoryProgram:
         return Block(Terms(q, constraints=distance), columns, None, lower, upper)
 
     def _stretch(self, total: float) -> Block:
-        """Return the time beyond the person's, and its square, so that no interval bears all of it."""
+        """Get the time beyond the person's, and its square, so that no interval bears all of it."""
         person = self.knots.person
         duration, p = ca.SX.sym("T"), ca.SX.sym("p", 3)
         more = duration - p[0]

@@ -26,7 +26,7 @@ _ROUGH = DIRECTIONS[::4]
 
 
 def plane_of(postures: Postures) -> View | None:
-    """Return the view onto the plane of two axes in which everything moves; None if there is none."""
+    """Get the view onto the plane of two axes in which everything moves; None if there is none."""
     points = postures.joints.reshape(-1, 3)
     extents = np.ptp(points, axis=0)
     flat = extents <= _FLAT * extents.max()

@@ -48,7 +48,7 @@ _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2
 
 
 def line_styles(count: int) -> list[dict[str, Any]]:
-    """Return styles of several lines: colours from dark to light, and dashes for greyscale print."""
+    """Get styles of several lines: colours from dark to light, and dashes for greyscale print."""
     from matplotlib import colormaps
 
     shades = colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2)))

@@ -158,7 +158,7 @@ class RecordingPart(ShortRepr):
         return Block(terms.sample, places, values, weights=share * weight, groups=self.owners)
 
     def equations(self, first: int, units: Array) -> Block:
-        """Return the geodesic equations, which also depend on the parameters, in their units (p,)."""
+        """Get the geodesic equations, which also depend on the parameters, in their units (p,)."""
         terms, grid = self.terms, self.terms.grid
         nodes = np.arange(terms.num_nodes).reshape(grid.size, terms.dim)
         indices = first + terms.sample.size * np.arange(self.count)[:, None, None] + nodes

@@ -218,7 +218,7 @@ def bootstrap_fit(
 
 
 def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
-    """Return minimizers (count, 1) of the weighted sums of the recordings' interpolated profiles."""
+    """Get minimizers (count, 1) of the weighted sums of the recordings' interpolated profiles."""
     logs = np.log(curve.values)
     fine = np.linspace(logs[0], logs[-1], _FINE)
     errors = CubicSpline(logs, curve.errors**2)(fine)  # (fine, recordings)

@@ -105,7 +105,7 @@ class Levels:
 
 
 def _tables(grid: Grid, coarser: Grid | None) -> dict[str, Array]:
-    """Return the constants of core/energy.h: quadrature, products of pairs of nodes, interpolation."""
+    """Get the constants of core/energy.h: quadrature, products of pairs of nodes, interpolation."""
     quadrature = grid.quadrature
     weights, values, slopes = quadrature.weights[0], quadrature.values, quadrature.slopes[0]
     b, a = np.tril_indices(grid.degree + 1)

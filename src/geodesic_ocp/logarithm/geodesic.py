@@ -62,7 +62,7 @@ class Geodesic(Path):
         return ",\n  ".join(lines) + ")"
 
     def plot(self) -> Figure:
-        """Return coordinates and speed over s, the path of the hand or in the plane, and the arm."""
+        """Get coordinates and speed over s, the path of the hand or in the plane, and the arm."""
         return draw_path(self, f"geodesic of length {self.length:.4g}")
 
 

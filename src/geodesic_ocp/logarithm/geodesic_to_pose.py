@@ -169,7 +169,7 @@ def _as_result(target: PoseTarget, found: ShootingResult, given: Array) -> ToPos
 
 
 def nearest_of(found: Sequence[ToPose]) -> ToPose:
-    """Return the one with the smallest pose error; among equal ones, that of the smallest energy."""
+    """Get the one with the smallest pose error; among equal ones, that of the smallest energy."""
     smallest = min(each.position_error + each.rotation_error for each in found)
     return min(
         (each for each in found if each.position_error + each.rotation_error <= smallest + 1e-6),

@@ -26,7 +26,7 @@ class ParametricCurve(Protocol):
         """Increasing parameter values (k,) from the start of the curve to its end."""
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
-        """Return positions (len(s), n) at s, or derivatives of the given order with respect to s."""
+        """Get positions (len(s), n) at s, or derivatives of the given order with respect to s."""
 
 
 def parallel_transport(

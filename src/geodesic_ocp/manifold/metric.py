@@ -170,7 +170,7 @@ class Metric(MetricFunctions):
             self.check_domain(f"{name} at {t:.6g}", q)
 
     def _defined(self, values: Any, q: Array) -> Any:
-        """Return the values of a function at q (n,); ValueError if they are NaN outside the domain."""
+        """Get the values of a function at q (n,); ValueError if they are NaN outside the domain."""
         if np.isnan(values).any():
             self.check_domain("q", q)
         return values
@@ -326,7 +326,7 @@ def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -
 
 
 def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
-    """Yield results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
+    """Give results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     with ThreadPoolExecutor(usable) as threads:
         yield from threads.map(of_row, range(count))

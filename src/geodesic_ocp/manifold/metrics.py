@@ -408,7 +408,7 @@ def compared_metrics(metric: Metric, model: Model) -> dict[str, Metric]:
 
 
 def method_of(metric: Metric) -> str:
-    """Return the method of `compared_metrics` that has a metric of this kind; "" for other metrics."""
+    """Get the method of `compared_metrics` that has a metric of this kind; "" for other metrics."""
     if isinstance(metric, Euclidean):
         return "euclidean_same_segments"
     if type(metric) is KineticEnergy:

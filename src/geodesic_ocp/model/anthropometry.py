@@ -207,7 +207,7 @@ def person_arms(model: Model) -> tuple[PersonArm, ...]:
 
 
 def person_trunks(model: Model) -> tuple[PersonTrunk, ...]:
-    """Return the trunks of people with both arms in a model, by their links as for `person_arms`."""
+    """Get the trunks of people with both arms in a model, by their links as for `person_arms`."""
     arms = person_arms(model)
     found = []
     for thorax in _capsules(model, "thorax"):
@@ -270,5 +270,5 @@ def _above(model: Model, joint: int, count: int) -> int:
 
 
 def _offset(model: Model, joint: int, before: int) -> Array:
-    """Return translation (3,) [m] of the joint that is some joints before another, from its parent."""
+    """Get translation (3,) [m] of the joint that is some joints before another, from its parent."""
     return np.array(model.pin.jointPlacements[_above(model, joint, before)].translation)

@@ -84,7 +84,7 @@ def _fractions(a: Any, b: Any, e: Any, c: Any, f: Any, parallel: float = 0.0) ->
 
 
 def _clipped_ratio(numerator: Any, denominator: Any) -> Any:
-    """Return the ratio from 0 to 1; 0 where the denominator is zero: points, and parallel segments."""
+    """Get the ratio from 0 to 1; 0 where the denominator is zero: points, and parallel segments."""
     if is_symbolic(denominator):
         ratio = ca.SX(0) if denominator.is_zero() else numerator / denominator
         return ca.fmin(ca.fmax(ratio, 0.0), 1.0)
@@ -299,7 +299,7 @@ def has_symbols(obstacle: Obstacle) -> bool:
 def _nearest(
     model: Model, q: ca.SX, body: Body, other: Obstacle
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Return points on the surface of either (3, 1), and their distance; of a plane, for each end."""
+    """Get points on the surface of either (3, 1), and their distance; of a plane, for each end."""
     one = _segment(model, q, body)
     if isinstance(other, HalfSpace):
         normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)

@@ -198,7 +198,7 @@ class SymbolicFunctions:
         return evaluate(self._built[key], *self._checked(q=q))
 
     def pose(self, frame: int, q: Any) -> Any:
-        """Return rotation and position of a frame at one configuration (n,) or at several (k, n)."""
+        """Get rotation and position of a frame at one configuration (n,) or at several (k, n)."""
         function = self._function("frame_pose", "q", frame)
         if is_symbolic(q) or np.ndim(q) < 2:
             rotation, position = evaluate(function, *self._checked(q=q))

@@ -155,7 +155,7 @@ def robot_armature(model: Model) -> RobotArmature:
 
 
 def with_rotor_inertia(model: Model) -> Model:
-    """Return the model with the joint inertia of `robot_armature`; the same one if it has its own."""
+    """Get the model with the joint inertia of `robot_armature`; the same one if it has its own."""
     if model.armature.any():
         return model
     values = robot_armature(model).values

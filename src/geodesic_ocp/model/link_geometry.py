@@ -219,7 +219,7 @@ def _shapes_of_urdf(
 
 
 def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:
-    """Return the ball or capsule that a shape of coal is, or a capsule around it, at its placement."""
+    """Get the ball or capsule that a shape of coal is, or a capsule around it, at its placement."""
     kind, centre = type(shape).__name__, placement.translation
     if kind == "Sphere":
         return Ball(tuple(centre), float(shape.radius), link)
@@ -249,7 +249,7 @@ def turn_to(direction: Array) -> Array:
 
 
 def points_of(shape: Any) -> Array | None:
-    """Return points (k, 3) whose convex hull contains a shape of coal; None for an unknown shape."""
+    """Get points (k, 3) whose convex hull contains a shape of coal; None for an unknown shape."""
     kind = type(shape).__name__
     if kind == "Box":
         return np.asarray(_cube((-1.0, 1.0)) * np.array(shape.halfSide))
@@ -272,7 +272,7 @@ def points_of(shape: Any) -> Array | None:
 
 
 def triangles_of(shape: Any) -> NDArray[np.int64] | None:
-    """Return the triangles (m, 3) of a mesh of coal, indices of `points_of`; None for other shapes."""
+    """Get the triangles (m, 3) of a mesh of coal, indices of `points_of`; None for other shapes."""
     if not hasattr(shape, "tri_indices"):
         return None
     corners = (shape.tri_indices(index) for index in range(shape.num_tris))

@@ -158,7 +158,7 @@ def _radius(shape: Any) -> float:
 
 
 def joint_poses(model: Model, q: Array) -> tuple[Array, Array]:
-    """Return rotations (k, j, 3, 3) and positions (k, j, 3) [m] of the joints of `pin` at q (k, n)."""
+    """Get rotations (k, j, 3, 3) and positions (k, j, 3) [m] of the joints of `pin` at q (k, n)."""
     data = model.pin.createData()
     rotations = np.empty((len(q), model.pin.njoints, 3, 3))
     positions = np.empty((len(q), model.pin.njoints, 3))

@@ -182,7 +182,7 @@ def ellipsoid(radii: ArrayLike) -> Surface:
 
 
 def cylinder(radius: float, half_length: float, top: float = 1.0) -> Surface:
-    """Return a cylinder along z around the origin, or a cone whose radius at the top is a multiple."""
+    """Get a cylinder along z around the origin, or a cone whose radius at the top is a multiple."""
     rim = [(1.0, -1.0), (top, 1.0)] if top > 0.0 else [(1.0, -1.0)]
     vertices, triangles = revolved([(0.0, -1.0), *rim, (0.0, 1.0)])
     return vertices * [radius, radius, half_length], triangles
@@ -385,7 +385,7 @@ def _rotates(model: Model, joint: int) -> bool:
 
 
 def _places(model: Model, extent: float) -> list[list[int]]:
-    """Return joints grouped by place; prismatic joints are alone, as they move apart from others."""
+    """Get joints grouped by place; prismatic joints are alone, as they move apart from others."""
     places: list[list[int]] = []
     for joint in range(1, model.pin.njoints):
         parent = int(model.pin.parents[joint])

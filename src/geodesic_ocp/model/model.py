@@ -175,7 +175,7 @@ class Model:
         return SymbolicFunctions(self.pin, str(self.backend))
 
     def mass_matrix(self, q: Any) -> Any:
-        """Return mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
+        """Get mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
         return self._functions.value("mass_matrix", q=q)
 
     def kinetic_energy(self, q: Any, v: Any) -> Any:

@@ -90,7 +90,7 @@ _NECK_RADII = (0.66, 0.58)  # per radius of the head
 
 
 def person(model: Model) -> tuple[list[Mesh], list[Body]]:
-    """Return meshes of the arms and trunks of people in a model, and its bodies that these replace."""
+    """Get meshes of the arms and trunks of people in a model, and its bodies that these replace."""
     meshes, bodies = list[Mesh](), list[Body]()
     for arm in person_arms(model):
         meshes += _arm(model, arm)

@@ -120,7 +120,7 @@ def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
 
 
 def first_conjugate_point(path: Path) -> float:
-    """Return s of the first point conjugate to the start, of a path whose Morse index is positive."""
+    """Get s of the first point conjugate to the start, of a path whose Morse index is positive."""
     below, above = 0.0, 1.0
     width = path.metric.dim * (max(path.grid.degree, _COARSER.degree) + 1)
     for _ in range(_BISECTIONS):
@@ -326,7 +326,7 @@ def _reduced_hessian(
     active_x: NDArray[np.bool_],
     active_g: NDArray[np.bool_],
 ) -> tuple[Array, Array]:
-    """Return the Lagrangian's Hessian (k, k) on the tangent space of active conditions; its basis."""
+    """Get the Lagrangian's Hessian (k, k) on the tangent space of active conditions; its basis."""
     basis = np.eye(iterate.x.size)[:, ~active_x]
     reduced = iterate.hessian()[np.ix_(~active_x, ~active_x)]
     if np.any(active_g):
@@ -364,7 +364,7 @@ def _endpoint_error(path: Path, velocity: Array) -> float:
 
 
 def _energy_drift(path: Path) -> float:
-    """Return largest relative deviation of |q'|^2 from its mean, at the points of the quadrature."""
+    """Get largest relative deviation of |q'|^2 from its mean, at the points of the quadrature."""
     squares = path.speeds_at_quadrature_points**2
     if not np.all(np.isfinite(squares)):
         return np.inf

@@ -196,7 +196,7 @@ class NodeBounds(ShortRepr):
     def switching_points(
         self, grid: Grid, active_x: NDArray[np.bool_], active_g: NDArray[np.bool_]
     ) -> tuple[float, ...]:
-        """Return s between the nodes where a condition along the path becomes active or inactive."""
+        """Get s between the nodes where a condition along the path becomes active or inactive."""
         nodes = {grid.collocations: grid.in_segments(grid.nodes).ravel(), grid.size: grid.nodes}
         found: set[float] = set()
         for rows, active in self._all_rows(active_x, active_g):
@@ -233,7 +233,7 @@ def _fix(
 
 
 def _interleaved(group: Sequence[Condition], count: int, start: int) -> Iterator[_Rows]:
-    """Yield rows in g of a group of conditions: all conditions of one node, then those of the next."""
+    """Give rows in g of a group of conditions: all conditions of one node, then those of the next."""
     width, offset = sum(condition.size for condition in group), start
     for condition in group:
         rows = offset + width * np.arange(count)[:, None]

@@ -133,7 +133,7 @@ class NLP(ShortRepr):
         return {"x": x, "p": p, "f": f, "g": g}
 
     def not_finite(self) -> list[str]:
-        """Return names of the expressions that are not finite or not differentiable on the guess."""
+        """Get names of the expressions that are not finite or not differentiable on the guess."""
         c, grid, metric = self.conditions, self.grid, self.definition.metric
         path = Path(metric, grid, self.nodes)
         points = grid.in_segments(grid.nodes) @ grid.quadrature.values.T
@@ -201,7 +201,7 @@ def _check_fixed_ends(conditions: Conditions, bounds: NodeBounds) -> None:
 
 
 def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | None) -> Grid:
-    """Return the grid with the problem's via points: at their s, as in the guess, or evenly spaced."""
+    """Get the grid with the problem's via points: at their s, as in the guess, or evenly spaced."""
     count = len(definition.conditions.via)
     if not count:
         if grid.via_segments:
@@ -222,7 +222,7 @@ def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | No
 def _initial_nodes(
     definition: ProblemDefinition, grid: Grid, bounds: NodeBounds, guess: Path | None
 ) -> Array:
-    """Return positions (size, n) of the initial guess, with the fixed coordinates at their values."""
+    """Get positions (size, n) of the initial guess, with the fixed coordinates at their values."""
     given = guess(grid.nodes) if guess is not None else definition.guess(grid.nodes)
     if given is None:
         start, end = bounds.ends

@@ -98,7 +98,7 @@ def search_simultaneously(
 def pose_steps(
     q: Array, errors: Array, jacobians: Array, near: Array | None, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
-    """Return steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
+    """Get steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
     free = np.ones_like(q, dtype=bool)
     for _ in range(3):  # joints that would leave their range stay at its end
         step, slide = _free_steps(q, errors, jacobians, near, free)
@@ -239,7 +239,7 @@ def as_directions(name: str, given: ArrayLike | None) -> Array:
 
 
 def complement(directions: Array) -> tuple[Array, int]:
-    """Return orthonormal axes (3, 3), in columns, of which the first m span the directions, and m."""
+    """Get orthonormal axes (3, 3), in columns, of which the first m span the directions, and m."""
     if not len(directions):
         return np.eye(3), 0
     across = scipy.linalg.null_space(directions)
@@ -282,7 +282,7 @@ class SearchOutcome:
     objective: float
 
     def error(self, bound: Array) -> float:
-        """Return largest pose error among those that must vanish, or overlap of collision bodies."""
+        """Get largest pose error among those that must vanish, or overlap of collision bodies."""
         return float(np.max(np.abs(self.errors[bound == 0.0]), initial=self.overlap))
 
 
@@ -395,7 +395,7 @@ class PoseSearch:
         return found.q, found.errors
 
     def _weighted_errors(self, axes: Array, weights: Array) -> PoseErrors:
-        """Return pose errors (k, m) in these axes, weighted, and Jacobians (k, m, n) at q (k, n)."""
+        """Get pose errors (k, m) in these axes, weighted, and Jacobians (k, m, n) at q (k, n)."""
         p = self._parameters(axes, 0.0, np.zeros(len(self.rows)))
 
         def pose_errors(q: Array) -> tuple[Array, Array]:

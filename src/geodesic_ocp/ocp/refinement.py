@@ -112,7 +112,7 @@ def refine_where_violated(
 
 
 def meeting_conditions(solution: Solution, advice: str) -> Solution:
-    """Return the solution, not successful if it violates a condition by more than `BETWEEN_NODES`."""
+    """Get the solution, not successful if it violates a condition by more than `BETWEEN_NODES`."""
     if not _violates(solution):
         return solution
     status = f"it meets its conditions at the nodes, but not between them; {advice}"
@@ -133,7 +133,7 @@ def _violates(solution: Solution) -> bool:
 def _halve_where_violated(
     solve_on: SolveOn, profile: ViolationProfile, first: Solution, history: list[MeshIteration]
 ) -> Solution:
-    """Return the last solution, on grids whose segments are halved where conditions are violated."""
+    """Get the last solution, on grids whose segments are halved where conditions are violated."""
     kept = first
 
     def solve(grid: Grid | None) -> Solution:
@@ -289,7 +289,7 @@ def _not_found(solution: Solution, status: str) -> Solution:
 
 
 def _coincident(path: Path) -> str:
-    """Return names of two neighbouring ends or via points that nearly coincide; empty if none do."""
+    """Get names of two neighbouring ends or via points that nearly coincide; empty if none do."""
     lengths = _lengths(path)
     shortest = int(np.argmin(lengths))
     if not lengths[shortest] <= _COINCIDENT * lengths.sum():

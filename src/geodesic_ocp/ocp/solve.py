@@ -166,7 +166,7 @@ class _Solver:
         return self._optimize_via(self._solve_once(grid, guess, NEAR if near else {}))
 
     def solve_from(self, grid: Grid, start: Path | None) -> Solution:
-        """Return the solution on a grid, from another solution if there is one, else from a path."""
+        """Get the solution on a grid, from another solution if there is one, else from a path."""
         if self.before is None:
             return self(grid, start, False)
         nlp = build_nlp(self.definition, grid, start)

@@ -211,7 +211,7 @@ class Transcription(ShortRepr):
             return block(each, at[list(nodes)], (every @ origin.T, every @ one * length))
 
         def slope_rows(segment: int, node: int) -> Array:
-            """Return matrix (n, variables) of the slope at a node of a segment, on equal segments."""
+            """Get matrix (n, variables) of the slope at a node of a segment, on equal segments."""
             row = np.zeros(grid.size)
             nodes = grid.degree * segment + np.arange(grid.degree + 1)
             row[nodes] = grid.differentiation[segment][node]

@@ -19,7 +19,7 @@ _REFINEMENTS = 3  # times that the vertices of parabolas are added to the sample
 
 
 def excess_over_bounds(condition: Condition, values: Array) -> Array:
-    """Return distance of values (m, k) from the bounds, positive outside; NaN counts as infinite."""
+    """Get distance of values (m, k) from the bounds, positive outside; NaN counts as infinite."""
     excess = np.maximum(condition.lower[:, None] - values, values - condition.upper[:, None])
     return np.asarray(np.where(np.isnan(excess), np.inf, excess))
 

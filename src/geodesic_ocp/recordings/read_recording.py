@@ -228,7 +228,7 @@ def _from_markers(
     armature: float,
     of_markers: dict[str, Any],
 ) -> MarkerFit:
-    """Return the motion that is fitted to the markers, and the arm with the lengths of the person."""
+    """Get the motion that is fitted to the markers, and the arm with the lengths of the person."""
     from geodesic_ocp.recordings.markers.fit_markers import fit_markers
     from geodesic_ocp.recordings.read_markers import read_markers
 

@@ -85,7 +85,7 @@ class RetargetedArm(PairedArm):
         number: int,
         rate: float,
     ) -> RetargetedArm:
-        """Return the result for the arm with this number in a trajectory, sampled at a rate [Hz]."""
+        """Get the result for the arm with this number in a trajectory, sampled at a rate [Hz]."""
         robot, recorded = pair.robot, pair.analysis.motion
         times = planned.robot_time(recorded.time)
         q, v, _, _ = planned.states(times, number)

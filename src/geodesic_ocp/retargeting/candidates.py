@@ -79,7 +79,7 @@ class Candidates(ShortRepr):
 
 
 def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
-    """Return configurations at each waypoint, from random starts and those of the waypoint before."""
+    """Get configurations at each waypoint, from random starts and those of the waypoint before."""
     found: list[Candidates] = []
     rng = np.random.default_rng(0)
     for number in range(waypoints.count + 1):

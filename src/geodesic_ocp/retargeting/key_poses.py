@@ -51,7 +51,7 @@ class Pose(ShortRepr):
         )
 
     def error(self, model: Model, q: Array) -> tuple[float, float]:
-        """Return distance [m] and angle [rad] of the hand at q from this pose; zero for free parts."""
+        """Get distance [m] and angle [rad] of the hand at q from this pose; zero for free parts."""
         rotation, position = model.hand_pose(q)
         return pose_difference(
             rotation,
@@ -62,7 +62,7 @@ class Pose(ShortRepr):
 
 
 def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
-    """Return middle and half width of the joints' ranges (n,); 0 and pi where they are unlimited."""
+    """Get middle and half width of the joints' ranges (n,); 0 and pi where they are unlimited."""
     finite = np.isfinite(arm.lower) & np.isfinite(arm.upper)
     lower, upper = (np.where(finite, each, 0.0) for each in (arm.lower, arm.upper))
     return (lower + upper) / 2.0, np.where(finite, (upper - lower) / 2.0, np.pi)
@@ -70,7 +70,7 @@ def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=16)
 def with_narrowed_limits(robot: Model, tolerance: float) -> Model:
-    """Return the robot with limits narrowed by twice a tolerance, so that none is violated by it."""
+    """Get the robot with limits narrowed by twice a tolerance, so that none is violated by it."""
     gap = np.minimum(2.0 * tolerance, (robot.upper - robot.lower) / 4.0)
     return robot.with_limits(robot.lower + gap, robot.upper - gap)
 

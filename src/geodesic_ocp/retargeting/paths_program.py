@@ -38,7 +38,7 @@ from geodesic_ocp.trajectory.path import Path
 
 
 def own_time(part: ArmPart, times: Array) -> Array:
-    """Return parameter s of an arm's whole path at times [s] in the recording; rests are left out."""
+    """Get parameter s of an arm's whole path at times [s] in the recording; rests are left out."""
     given = part.waypoints
     instants = np.column_stack([given.begins, given.ends]).ravel()
     after = np.cumsum(given.durations)

@@ -43,7 +43,7 @@ class Mounting:
     arguments: str
 
     def poses(self, rotations: Array, positions: Array) -> tuple[Array, Array]:
-        """Return poses of the robot's hand from those in the person's axes, with the present scale."""
+        """Get poses of the robot's hand from those in the person's axes, with the present scale."""
         return self.alignment.to_robot(rotations, positions, scale=self.factor)
 
     def sentence(self, scale: float | None) -> str:

@@ -166,7 +166,7 @@ class Retargeting:
         return measures_table(found)
 
     def table(self) -> DataFrame:
-        """Return action, speed and errors of the hand, of the synergies and of inverse kinematics."""
+        """Get action, speed and errors of the hand, of the synergies and of inverse kinematics."""
         header = (
             "arm",
             "method",

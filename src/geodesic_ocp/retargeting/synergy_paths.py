@@ -378,7 +378,7 @@ def _similar(one: Array, other: Array) -> bool:
 
 
 def _score(iterate: _Iterate, rounds: _Rounds) -> float:
-    """Return the objective, detours of the hand, and distances below their bounds; less is better."""
+    """Get the objective, detours of the hand, and distances below their bounds; less is better."""
     total = iterate.objective
     for part, nodes in zip(iterate.parts, iterate.nodes, strict=True):
         for number, path in enumerate(part.paths(nodes)):

@@ -99,7 +99,7 @@ def _listed(titles: Sequence[str] | dict[str, None]) -> str:
 
 
 def _in_one_time(playbacks: Sequence[Playback]) -> list[Playback]:
-    """Return the playbacks, with path parameters stretched to the longest time if there is a time."""
+    """Get the playbacks, with path parameters stretched to the longest time if there is a time."""
     timed = [playback for playback in playbacks if playback.time_label == SECONDS]
     if not timed or len(timed) == len(playbacks):
         return list(playbacks)

@@ -337,7 +337,7 @@ def _shares(
     labels: Mapping[str, str],
     share: str,
 ) -> tuple[Plot, ...]:
-    """Return plots of magnitudes as shares of limits, or of the values where a limit is not known."""
+    """Get plots of magnitudes as shares of limits, or of the values where a limit is not known."""
     if not np.all(np.isfinite(limits)):
         return joint_plots(model, time, values, labels)
     percent = 100.0 * np.abs(values) / limits

@@ -298,7 +298,7 @@ def _considered(
     pairs: Sequence[tuple[str, str]],
     names: Collection[str],
 ) -> set[str]:
-    """Return links of the bodies that the constraints of these names keep apart; if none, of all."""
+    """Get links of the bodies that the constraints of these names keep apart; if none, of all."""
     found = {}
     for name, one, other in bodies_apart(model, drawn_obstacles(problem), None, pairs):
         found[name] = {body.link for body in (one, other) if not isinstance(body, HalfSpace)}

@@ -165,7 +165,7 @@ def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
 
 
 def _widest(model: Model, q: Array) -> list[int]:
-    """Return the joint of largest range of shoulder, elbow and wrist, or of trunk and of each arm."""
+    """Get the joint of largest range of shoulder, elbow and wrist, or of trunk and of each arm."""
     groups = joint_groups(model).values()
     if len(groups) == 1:
         return widest_of_thirds(q)

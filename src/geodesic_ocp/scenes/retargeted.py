@@ -137,7 +137,7 @@ def _actors(
 
 
 def _hidden(arms: tuple[RetargetedArm, ...], number: int) -> frozenset[str]:
-    """Return links that the actor of an arm does not show, as another arm of the same robot does."""
+    """Get links that the actor of an arm does not show, as another arm of the same robot does."""
     if not share_a_body(arms):
         return frozenset()
     robot = arms[number].robot
@@ -405,7 +405,7 @@ def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[S
 
 
 def _spans_of_robots(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
-    """Return the synergies of each robot, with the numbers of the person's of which they are made."""
+    """Get the synergies of each robot, with the numbers of the person's of which they are made."""
     found: dict[str, tuple[Span, ...]] = {}
     for arm in retargeting.arms:
         spans = tuple(_span(number, group, time) for number, group in enumerate(arm.groups, 1))

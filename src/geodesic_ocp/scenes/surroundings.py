@@ -60,7 +60,7 @@ def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
 
 
 def upright(scene: Scene, up: Array) -> Scene:
-    """Return the scene, turned by the smallest angle that makes the direction `up` (3,) that of z."""
+    """Get the scene, turned by the smallest angle that makes the direction `up` (3,) that of z."""
     sine, cosine = float(np.hypot(up[0], up[1])), float(up[2])
     if sine == 0.0 and cosine > 0.0:
         return scene
@@ -218,7 +218,7 @@ def _roots(images: Array, flat: float) -> Array:
 
 
 def _extent(model: Model, q: Array) -> float:
-    """Return the model's reach [m], or the range of its hand where sliding joints have no limits."""
+    """Get the model's reach [m], or the range of its hand where sliding joints have no limits."""
     if np.isfinite(model.reach):
         return model.reach
     return float(np.ptp(np.asarray(model.hand_pose(q)[1]), axis=0).max())
@@ -316,7 +316,7 @@ def _surface(body: Body, subdivisions: int = _ROUND) -> tuple[Array, Indices]:
 
 
 def _slab(space: HalfSpace, low: Array, high: Array) -> tuple[Array, Indices]:
-    """Return a thin plate behind the plane of a half-space, below or beside the box of the scene."""
+    """Get a thin plate behind the plane of a half-space, below or beside the box of the scene."""
     from trimesh import creation
 
     normal, point = np.array(space.normal), np.array(space.point)
@@ -334,7 +334,7 @@ def _arrays(shape: Any, turn: Array, position: Array) -> tuple[Array, Indices]:
 
 
 def _axes_with(z: Array) -> Array:
-    """Return a rotation (3, 3) whose third column is z, and whose others are along axes where z is."""
+    """Get a rotation (3, 3) whose third column is z, and whose others are along axes where z is."""
     across = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     across /= np.linalg.norm(across)
     return np.column_stack([across, np.cross(z, across), z])

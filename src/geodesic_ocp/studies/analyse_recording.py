@@ -214,7 +214,7 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
 
 
 def _probes(motion: Motion) -> list[Any]:
-    """Return number of samples, and the recorded angles at some of them: equal for equal motions."""
+    """Get number of samples, and the recorded angles at some of them: equal for equal motions."""
     q = motion.q if motion.unfiltered is None else motion.unfiltered
     rows = np.linspace(0, len(q) - 1, _PROBES).round().astype(int)
     return [len(q), q[rows].ravel().tolist()]

@@ -123,7 +123,7 @@ class AnalysisSettings(RecordingSettings):
         return f"AnalysisSettings({', '.join(others)})"
 
     def record(self) -> dict[str, Any]:
-        """Return the settings as they are stored; of files that they name the content, by a digest."""
+        """Get the settings as they are stored; of files that they name the content, by a digest."""
         found = asdict(self)
         for name, file in self.files().items():
             found[name] = hashlib.sha256(file.read_bytes()).hexdigest()

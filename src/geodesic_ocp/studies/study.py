@@ -271,7 +271,7 @@ class StudyResult:
         return self._labelled(found)
 
     def _labelled(self, table: DataFrame) -> DataFrame:
-        """Return the table with labels of methods, and without the condition if there is only one."""
+        """Get the table with labels of methods, and without the condition if there is only one."""
         return self._by_condition(_plain(table).rename(index=self.methods, level="method"))
 
     def _by_condition(self, table: DataFrame) -> DataFrame:

@@ -111,7 +111,7 @@ def pose_errors(poses: tuple[Array, Array], targets: tuple[Array, Array]) -> Mot
 def pose_differences(
     poses: tuple[Array, Array], targets: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Return distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each."""
+    """Get distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each."""
     distances = np.linalg.norm(poses[1] - targets[1], axis=1)
     between = rotation_vector(poses[0] @ targets[0].transpose(0, 2, 1))
     return np.asarray(distances), np.asarray(np.linalg.norm(between, axis=1))

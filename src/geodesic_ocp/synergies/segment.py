@@ -287,7 +287,7 @@ def _angle(cosine: Array) -> Array:
 
 
 def _states(times: Array, speed: Array, level: float, rest_duration: float) -> np.ndarray:
-    """Return state (m,) of every instant: moving, at rest at most at this speed, or in a long rest."""
+    """Get state (m,) of every instant: moving, at rest at most at this speed, or in a long rest."""
     at_rest = speed <= level
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at_rest.astype(int), [0]])))
     result = at_rest.astype(np.uint8)

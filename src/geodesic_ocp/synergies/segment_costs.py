@@ -93,7 +93,7 @@ class SegmentCosts:
         return sum(rows is None for rows in self._predicted.values())
 
     def predicted(self, segments: Sequence[Pair]) -> Array:
-        """Return configurations (k, n) at all samples, predicted by segments that cover the motion."""
+        """Get configurations (k, n) at all samples, predicted by segments that cover the motion."""
         q = np.array(self.motion.q)
         for start, stop in segments:
             rows = self._predicted[start, stop]
@@ -194,7 +194,7 @@ class BestPartitions(ShortRepr):
     before: np.ndarray
 
     def cuts(self, count: int) -> list[int]:
-        """Return indices of the count + 1 candidates of the best partition into `count` segments."""
+        """Get indices of the count + 1 candidates of the best partition into `count` segments."""
         stops = [len(self.totals) - 1]
         for number in range(count, 0, -1):
             stops.append(stops[-1] - int(self.before[number, stops[-1]]))

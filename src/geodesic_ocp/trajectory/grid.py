@@ -155,7 +155,7 @@ class Grid(ShortRepr):
         )
 
     def in_segments(self, values: Array) -> Array:
-        """Return values at all nodes (size, ...) arranged by segment, (segments, degree + 1, ...)."""
+        """Get values at all nodes (size, ...) arranged by segment, (segments, degree + 1, ...)."""
         index = self.degree * np.arange(self.segments)[:, None] + np.arange(self.degree + 1)
         return np.asarray(values[index])
 

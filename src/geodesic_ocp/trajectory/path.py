@@ -203,7 +203,7 @@ class Path:
 
 @lru_cache(maxsize=64)
 def _refined(grid: Grid, level: int) -> Grid:
-    """Return the grid, then with twice its degree, then with its segments halved again and again."""
+    """Get the grid, then with twice its degree, then with its segments halved again and again."""
     degree, parts = min(2 * grid.degree, 100), 2 ** (level - 1)
     if level <= 1:
         return replace(grid, degree=degree if level else grid.degree, via_segments=())

@@ -173,7 +173,7 @@ def time_law(
 
 
 def _speed_range(length: float, start: float, end: float) -> tuple[float, float]:
-    """Return smallest and largest speed of the solution without inequalities, over a unit of time."""
+    """Get smallest and largest speed of the solution without inequalities, over a unit of time."""
     half, third = 3.0 * length - 2.0 * start - end, 3.0 * (start + end - 2.0 * length)
     speeds = [start, end]  # of start + 2 half t + third t^2
     if third != 0.0 and 0.0 < -half / third < 1.0:

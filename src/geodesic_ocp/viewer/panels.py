@@ -219,7 +219,7 @@ class Panel:
     def picture(
         self, instant: float, panes: Sequence[tuple[Box, NDArray[np.uint8]]]
     ) -> NDArray[np.uint8]:
-        """Return the frame at an instant, (height, width, 3), with the pictures of the panes in it."""
+        """Get the frame at an instant, (height, width, 3), with the pictures of the panes in it."""
         figure = self.canvas.figure
         self.canvas.restore_region(self.still)
         for spans, mark, name in self.rows:

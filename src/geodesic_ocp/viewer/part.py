@@ -96,7 +96,7 @@ def moment(time: Array, instant: float) -> Moment:
 
 
 def placed(parts: tuple[Part, ...], when: Moment) -> tuple[Array, Array]:
-    """Return vertices (v, 3) [m] and normals (v, 3), not of unit length, of all parts in the scene."""
+    """Get vertices (v, 3) [m] and normals (v, 3), not of unit length, of all parts in the scene."""
     points, normals = [], []
     for part in parts:
         matrix = when.of(part.matrices)

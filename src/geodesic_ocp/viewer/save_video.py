@@ -137,7 +137,7 @@ def _extent(there: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 def _palette(pixels: Frame) -> list[int]:
-    """Return red, green and blue of 256 colours: the most frequent ones, and those far from them."""
+    """Get red, green and blue of 256 colours: the most frequent ones, and those far from them."""
     from PIL import Image
 
     image, found = Image.fromarray(pixels), list[int]()

@@ -64,7 +64,7 @@ def turning_across(turning: Mapping[str, Array], along: Array) -> list[str]:
 
 
 def turning_along(turning: Mapping[str, Array], along: Array) -> str | None:
-    """Return the coordinate that turns about the axis nearest to a long axis (3,), if one is near."""
+    """Get the coordinate that turns about the axis nearest to a long axis (3,), if one is near."""
     cosines = _cosines(turning, along)
     best = max(cosines, key=cosines.__getitem__, default=None)
     return best if best is not None and cosines[best] > _ALONG else None
@@ -129,7 +129,7 @@ class ArmAxes:
 
 
 def _axes(up: Array, forward: Array) -> Array:
-    """Return axes (..., 3, 3) as columns with z along `up` and y next to `forward`, both (..., 3)."""
+    """Get axes (..., 3, 3) as columns with z along `up` and y next to `forward`, both (..., 3)."""
     z = up / np.linalg.norm(up, axis=-1, keepdims=True)
     x = np.cross(forward, z)
     x = x / np.linalg.norm(x, axis=-1, keepdims=True)
@@ -176,7 +176,7 @@ def arm_axes(
     given = {name: np.array([value]) for name, value in neutral.items()}
 
     def posed(elbow: Array) -> tuple[ArmAxes, dict[str, Array]]:
-        """Return the axes with this centre of the elbow, and the coordinates of the neutral pose."""
+        """Get the axes with this centre of the elbow, and the coordinates of the neutral pose."""
         up = shoulder - elbow
         arm = ArmAxes(bodies[:2], _axes(up, np.cross(up, axis)), elbow, wrist, np.zeros(3))
         pose = {**zero, **given}

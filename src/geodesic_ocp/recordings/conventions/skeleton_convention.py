@@ -115,7 +115,7 @@ def metres_per_unit(unit: str | float) -> float:
 
 
 def _both_sides(**names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Return names by segment; those of the arms are given with {side}, {Side}, {s} or {S} in them."""
+    """Get names by segment; those of the arms are given with {side}, {Side}, {s} or {S} in them."""
     arms = {"upper_arm": "upper arm", "forearm": "forearm", "hand": "hand"}
     joints = {segment: given for segment, given in names.items() if segment not in arms}
     for side in ("right", "left"):

@@ -46,7 +46,7 @@ class Skeleton:
         return path[::-1]
 
     def way(self, start: int, end: int) -> list[int]:
-        """Return indices of the joints from the first after `start` to `end`, which comes after it."""
+        """Get indices of the joints from the first after `start` to `end`, which comes after it."""
         path = self.path(end)
         return path[path.index(start) + 1 :]
 

@@ -288,7 +288,7 @@ def _rotation(order: str, angles: Array) -> Array:
 
 
 def bone_rotations(skeleton: AcclaimSkeleton, bone: str, angles: Array) -> Array:
-    """Return rotations (k, 3, 3) of a bone relative to its parent, from its angles (k, dofs) [rad]."""
+    """Get rotations (k, 3, 3) of a bone relative to its parent, from its angles (k, dofs) [rad]."""
     every = np.zeros((len(angles), 3))
     for column, dof in enumerate(skeleton.dofs[bone]):
         every[:, "xyz".index(dof[1])] = angles[:, column]

@@ -287,7 +287,7 @@ def _labels(header: C3dHeader) -> list[str]:
 
 
 def _without_prefix(labels: list[str]) -> tuple[list[str], str]:
-    """Return labels without the subject before a colon, if they then still differ; and the subject."""
+    """Get labels without the subject before a colon, if they then still differ; and the subject."""
     split = [label.rpartition(":") for label in labels]
     names = [name.strip() for _, _, name in split]
     if "" in names or len(set(names)) < len(names):

@@ -147,7 +147,7 @@ class MarkedBody:
         return True
 
     def stretch(self, place: Attachment, lengths: Any) -> list[Any]:
-        """Return factors of the three components of offsets there; lengths relative to the model's."""
+        """Get factors of the three components of offsets there; lengths relative to the model's."""
         common = lengths[0] if self.lengths else 1.0
         return [common, common, common if place.length is None else lengths[place.length]]
 

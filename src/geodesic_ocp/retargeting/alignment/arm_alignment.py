@@ -41,7 +41,7 @@ _EXACT = 1e-9
 
 
 def axis_name(direction: ArrayLike, frame: str) -> str:
-    """Return such as "along +x of the base", or with components where it is along none of the axes."""
+    """Get such as "along +x of the base", or with components where it is along none of the axes."""
     vector: Array = np.asarray(direction, dtype=float)
     vector = vector / np.linalg.norm(vector)
     for name, axis in _AXES.items():
@@ -195,7 +195,7 @@ class Alignment(ShortRepr):
     def to_person(
         self, rotation: Array, position: Array, *, scale: float = 1.0, mirror: bool = False
     ) -> tuple[Array, Array]:
-        """Return the inverse of `to_robot`: poses in the person's axes, relative to the shoulder."""
+        """Get the inverse of `to_robot`: poses in the person's axes, relative to the shoulder."""
         base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
         rotation, position = base.T @ rotation @ hand.T, (position - shoulder) @ base / scale
         if mirror:

@@ -92,7 +92,7 @@ def _mounted_as_shoulder(robot: Model, found: Landmarks, side: Side) -> BaseAxes
 
 
 def _front(robot: Model, found: Landmarks, axis: Array) -> Array:
-    """Return the axis of the base at right angles to the first joint's along which the arm reaches."""
+    """Get the axis of the base at right angles to the first joint's along which the arm reaches."""
     first = found.first_coordinate
     low, high = robot.lower[first], robot.upper[first]
     front = _horizontal(np.eye(3)[0], axis)
@@ -206,7 +206,7 @@ def _approach(
 
 
 def _nearest_axis(direction: Array, excluded: Array | None = None) -> Array:
-    """Return the axis of the frame nearest to a direction, if one is near, otherwise the direction."""
+    """Get the axis of the frame nearest to a direction, if one is near, otherwise the direction."""
     candidates = np.vstack([np.eye(3), -np.eye(3)])
     if excluded is not None:
         candidates = candidates[np.abs(candidates @ excluded) < np.sqrt(0.5)]
@@ -224,7 +224,7 @@ def _across(direction: Array, normal: Array) -> Array:
 
 
 def _hanging(robot: Model, found: Landmarks, base: Array, reach: Array) -> Array:
-    """Return rotation (3, 3) of the hand with the arm hanging down, as near as joint limits permit."""
+    """Get rotation (3, 3) of the hand with the arm hanging down, as near as joint limits permit."""
     down = -base[:, 2]
     target = found.shoulder + _STRETCH * found.length * down
     low, high = robot.lower, robot.upper
