@@ -279,7 +279,7 @@ def _worst(excess: Array) -> Iterator[tuple[int, int]]:
 def _contradictions(
     trajectory: JointTrajectory, found: Mapping[str, tuple[Array, Array]]
 ) -> Iterator[str]:
-    """Give velocities that are not the derivatives of positions, accelerations not of velocities."""
+    """Yield velocities that are not derivatives of positions, accelerations not of velocities."""
     time = trajectory.time
     words = ("velocities", "positions", ""), ("accelerations", "velocities", "/s")
     for (kind, of, per), (missed, bounds) in zip(words, found.values(), strict=True):

@@ -326,7 +326,7 @@ def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -
 
 
 def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
-    """Give results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
+    """Yield results of calls with 0 to count - 1, in order, up to one that raises."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     with ThreadPoolExecutor(usable) as threads:
         yield from threads.map(of_row, range(count))

@@ -72,7 +72,7 @@ def with_distinct_frames(*models: pin.Model) -> tuple[list[pin.Model], dict[str,
 
 
 def restore_frames(model: pin.Model, original: Mapping[str, str]) -> None:
-    """Give frames the names that they had before `with_distinct_frames`."""
+    """Yield frames the names that they had before `with_distinct_frames`."""
     for frame in model.frames:
         frame.name = original.get(str(frame.name), str(frame.name))
 

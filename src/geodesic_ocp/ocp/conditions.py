@@ -233,7 +233,7 @@ def _fix(
 
 
 def _interleaved(group: Sequence[Condition], count: int, start: int) -> Iterator[_Rows]:
-    """Give rows in g of a group of conditions: all conditions of one node, then those of the next."""
+    """Yield rows in g of a group of conditions: all conditions of a node, then of the next."""
     width, offset = sum(condition.size for condition in group), start
     for condition in group:
         rows = offset + width * np.arange(count)[:, None]

@@ -104,7 +104,7 @@ def check_radians(names: Sequence[str], q: Array) -> None:
 
 
 def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
-    """Give a RuntimeWarning if joints are beyond the model's limits for much of the recording.
+    """Yield a RuntimeWarning if joints are beyond the model's limits for much of the recording.
 
     Args:
         model: model whose joints the motion has.
@@ -132,7 +132,7 @@ def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
 
 
 def warn_of_gimbal_lock(motion: Motion, name: str) -> None:
-    """Give a RuntimeWarning if the shoulder turns fast because its axes are nearly parallel.
+    """Yield a RuntimeWarning if the shoulder turns fast because its axes are nearly parallel.
 
     Where Sz is near 90 degrees, Sx and Sy turn about nearly the same axis, and may change by
     radians while the arm hardly moves.
@@ -161,7 +161,7 @@ def warn_of_gimbal_lock(motion: Motion, name: str) -> None:
 
 
 def ask_about_degrees(name: str, q: Array) -> None:
-    """Give a RuntimeWarning if angles q (k, n) [deg], as the file states, may be radians.
+    """Yield a RuntimeWarning if angles q (k, n) [deg], as the file states, may be radians.
 
     Args:
         name: name of the recording, with which the warning begins.

@@ -243,7 +243,7 @@ def _merge_sections(root: ET.Element) -> None:
 
 
 def _apply_defaults(root: ET.Element, name: str) -> None:
-    """Give every element the attributes of its default class."""
+    """Yield every element the attributes of its default class."""
     defaults: _Defaults = {"main": defaultdict(dict)}
 
     def collect(default: ET.Element, above: str) -> None:
