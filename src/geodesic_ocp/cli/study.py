@@ -42,7 +42,10 @@ def study(
     for note in found.notes:
         print(f"note: {note}")
     print(f"\n{text(found.means())}")
-    print(f"\n{tested.header}\n\n{text(found.tests(measure, against))}")
+    tests = found.tests(measure, against)
+    for reference in set(tests.get("against", ())):
+        print(f"\n{tested.header}, against {reference}")
+    print(f"\n{text(tests.drop(columns=['against', 'sign test p'], errors='ignore'))}")
     if found.synergies is not None and len(found.synergies):
         print(f"\n{text(found.synergy_statistics())}")
     if files:
