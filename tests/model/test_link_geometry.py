@@ -110,6 +110,7 @@ def test_meshes_of_panda_are_inside_its_capsules() -> None:
 
 def test_capsules_of_a_urdf_are_read_beside_other_shapes() -> None:
     shapes = (
+        '<visual><geometry><capsule radius="0.05" length="0.4"/></geometry></visual>'
         '<collision><geometry><sphere radius="0.07"/></geometry></collision>'
         '<collision><origin xyz="0.1 0 0" rpy="0 1.5707963267948966 0"/>'
         '<geometry><capsule radius="0.05" length="0.4"/></geometry></collision>'

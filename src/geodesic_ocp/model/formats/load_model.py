@@ -34,9 +34,8 @@ from geodesic_ocp.model.formats.robots import (
     folder,
     locate,
     on_demand,
-    set_armature,
-    srdf_armature,
 )
+from geodesic_ocp.model.formats.urdf import set_armature, srdf_armature
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.inertias import check_inertias
 from geodesic_ocp.model.joints import DEFAULT_LIMIT, frame_index, motion_subspace

@@ -18,8 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
-from geodesic_ocp.model.formats.robots import ACTUATORS, effort_limits
-from geodesic_ocp.model.formats.urdf import Mimic
+from geodesic_ocp.model.formats.urdf import Mimic, floats
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import as_capsule
@@ -31,6 +30,12 @@ _ROOT = "world of bodies"
 _ELEMENTS = ("attach", "replicate", "composite", "flexcomp", "frame")
 _COMPILER = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange", "balanceinertia")
 _JOINTS = ("hinge", "slide", "ball", "free")
+# All are short forms of <general>, and share its defaults.
+_ACTUATORS = (
+    *("general", "motor", "position", "velocity", "intvelocity"),
+    *("damper", "cylinder", "muscle", "adhesion"),
+)
+_UNLIMITED = np.array([-np.inf, np.inf])
 _Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute -> value
 
 
@@ -183,12 +188,7 @@ def mjcf_model(
         if gravity := option.get("gravity"):
             model.gravity = pin.Motion(np.array(gravity.split(), dtype=float), np.zeros(3))
     model.name = root.get("model", name.rsplit(".", 1)[0])
-    for joint in root.iter("joint"):
-        if joint.get("limited") == "false" and joint.get("name") in model.names:
-            start = model.joints[model.getJointId(joint.get("name"))].idx_q
-            model.lowerPositionLimit[start] = -np.inf
-            model.upperPositionLimit[start] = np.inf
-    for driven, (lower, upper) in effort_limits(root, name).items():
+    for driven, (lower, upper) in _effort_limits(root, name).items():
         if model.existJointName(driven):
             row = model.joints[model.getJointId(driven)].idx_v
             model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
@@ -254,7 +254,7 @@ def _apply_defaults(root: ET.Element, name: str) -> None:
         for child in default:
             if child.tag == "default":
                 continue
-            for tag in ACTUATORS if child.tag in ACTUATORS else (child.tag,):
+            for tag in _ACTUATORS if child.tag in _ACTUATORS else (child.tag,):
                 defaults[own][tag].update(child.attrib)
         for child in default.iterfind("default"):
             collect(child, own)
@@ -313,6 +313,8 @@ def _rewrite(root: ET.Element, name: str) -> None:
             *axis, angle = _numbers(given, 4, f"{name}: axisangle")
             length = float(np.linalg.norm(axis)) or 1.0
             element.set("axisangle", _text([*(number / length for number in axis), angle]))
+        if element.tag == "joint" and element.get("limited") == "false":
+            element.attrib.pop("range", None)  # Pinocchio would apply it
         if degrees and element.tag == "joint" and element.get("type") == "slide":
             location = f"{name}: range of joint {element.get('name')!r}"
             # Pinocchio reads it as degrees.
@@ -331,12 +333,9 @@ def _rewrite(root: ET.Element, name: str) -> None:
 
 def _numbers(text: str, count: int, location: str) -> list[float]:
     """Return the numbers in a text: as many as the count, any if it is 0."""
-    try:
-        numbers = [float(number) for number in text.split()]
-    except ValueError:
-        numbers = []
-    wanted = f"{count} numbers" if count else "numbers"
+    numbers = floats(text)
     if not numbers or (count and len(numbers) != count):
+        wanted = f"{count} numbers" if count else "numbers"
         raise ValueError(f"{location} must be {wanted}, is {text!r}")
     return numbers
 
@@ -353,6 +352,72 @@ def _give_each_joint_a_body(body: ET.Element) -> None:
         body[:] = [joint, inner]
         body.set("name", f"{body.get('name', '')}/{joint.get('name', '')}")
         body = inner
+
+
+def _effort_limits(root: ET.Element, name: str) -> dict[str, Array]:
+    """Return smallest and largest torque [N m] or force [N] of each driven joint, by its name.
+
+    That of an actuator lies within its force range, and that of a motor within its control range
+    times its gain, each times its gear ratio; the actuators of a joint add up. The joint's own
+    actuatorfrcrange limits the sum. Joints without an actuator or such a range are left out.
+
+    Args:
+        root: the element <mujoco>, whose default classes have been applied.
+        name: name of the file, for messages.
+
+    Raises:
+        ValueError: a range is not two increasing numbers, or a gear ratio or gain is not a number.
+    """
+    compiler = root.find("compiler")
+    automatic = compiler is None or compiler.get("autolimits", "true") == "true"
+    found: dict[str, Array] = {}
+    for actuator in root.iterfind("actuator/*"):
+        joint = actuator.get("joint") or actuator.get("jointinparent")
+        if joint is None or actuator.tag not in _ACTUATORS:
+            continue
+        location = f"{name}: the <{actuator.tag}> of joint {joint!r}"
+        if gear := _first(actuator, "gear", location):
+            limits = np.sort(gear * _force_range(actuator, automatic, location))
+            found[joint] = found.get(joint, np.zeros(2)) + limits
+    for element in root.iter("joint"):
+        joint = element.get("name", "")
+        own = _range(element, "actuatorfrc", automatic, f"{name}: joint {joint!r}")
+        if np.isfinite(own).any():
+            found[joint] = _overlap(own, found.get(joint, _UNLIMITED))
+    return found
+
+
+def _force_range(actuator: ET.Element, automatic: bool, location: str) -> Array:
+    """Return smallest and largest force of the actuator, before its gear."""
+    limits = _range(actuator, "force", automatic, location)
+    kinds = actuator.tag, actuator.get("gaintype", "fixed"), actuator.get("biastype", "none")
+    if actuator.tag == "motor":
+        gain = 1.0
+    elif kinds == ("general", "fixed", "none"):
+        gain = _first(actuator, "gainprm", location)
+    else:  # the control is a position, a speed or an activation
+        return limits
+    driven = np.sort(gain * _range(actuator, "ctrl", automatic, location)) if gain else np.zeros(2)
+    return _overlap(limits, driven)
+
+
+def _overlap(one: Array, other: Array) -> Array:
+    return np.array([max(one[0], other[0]), min(one[1], other[1])])
+
+
+def _range(element: ET.Element, kind: str, automatic: bool, location: str) -> Array:
+    """Return the range of the attribute `kind`range, infinite if it is not limited."""
+    given, limited = element.get(f"{kind}range"), element.get(f"{kind}limited", "auto")
+    if given is None or limited == "false" or (limited == "auto" and not automatic):
+        return _UNLIMITED
+    if len(numbers := floats(given)) != 2 or not numbers[0] < numbers[1]:
+        raise ValueError(f"{location}: {kind}range must be two increasing numbers, is {given!r}")
+    return np.array(numbers)
+
+
+def _first(element: ET.Element, key: str, location: str) -> float:
+    """Return the first number of the attribute, 1 by default."""
+    return _numbers(element.get(key, "1"), 0, f"{location}: {key}")[0]
 
 
 def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str]]:
