@@ -129,12 +129,12 @@ class LinkGeometry:
             ValueError: a mesh is missing or cannot be read, or no capsule encloses a shape.
         """
         root = ET.fromstring(self.text)
-        for link in root.iterfind("link"):
-            for shape in link.iterfind("collision"):
+        for each in root.iterfind("link"):
+            for shape in each.iterfind("collision"):
                 kinds = [child.tag for child in shape.iterfind("geometry/*")]
                 if len(kinds) != 1 or kinds[0] not in _SUPPORTED:
                     raise ValueError(
-                        f"{self.name}: the collision geometry of {link.get('name')!r} is "
+                        f"{self.name}: the collision geometry of {each.get('name')!r} is "
                         f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_SUPPORTED)}"
                     )
         for mesh in root.iterfind("asset/mesh"):

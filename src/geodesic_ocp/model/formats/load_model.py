@@ -228,12 +228,12 @@ def catalogue() -> Iterator[str]:
         in_use = choose_backend()
         yield "human_arm(side, height, mass), here for 1.75 m and 70 kg"
         for side in get_args(Side):
-            yield from _summary(side, human_arm(side, backend=in_use))
+            yield from _with_joints(side, human_arm(side, backend=in_use))
         installed = [name for name in ROBOTS if folder(ROBOTS[name].package) is not None]
         if installed:
             yield "load_model(name)"
         for name in installed:
-            yield from _summary(name, load_model(name, backend=in_use))
+            yield from _with_joints(name, load_model(name, backend=in_use))
     if absent := [name for name in ROBOTS if name not in installed]:
         packages = sorted({ROBOTS[name].package for name in absent})
         yield f"not available without {' and '.join(packages)}:"
@@ -256,10 +256,13 @@ def catalogue() -> Iterator[str]:
     yield f"the environment variable {ENVIRONMENT_VARIABLE} selects another one"
 
 
-def _summary(name: str, model: Model) -> Iterator[str]:
-    values = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    inertia = model.describe_armature()
-    yield f"  {name:20} {values}{inertia and ', '}{inertia}"
+def _summary(name: str, model: Model, *more: str) -> str:
+    values = f"{model.dof:2} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
+    return ", ".join([f"  {name:19} {values}", *filter(None, more)])
+
+
+def _with_joints(name: str, model: Model) -> Iterator[str]:
+    yield _summary(name, model, model.describe_armature())
     yield from _wrapped(model.joint_names, indent="    ")
 
 
@@ -283,11 +286,10 @@ def _longest_chain(name: str, backend: str) -> Iterator[str]:
             description = read_file(described()[name], None, None)
             model = load_model(name, hand=last_link(description), backend=backend)
         except ValueError as error:
-            reason = f"  {name:26} cannot be loaded: {error}"
+            reason = f"  {name:19} cannot be loaded: {error}"
             yield from textwrap.wrap(reason, _WIDTH, subsequent_indent="    ")
-            return
-    values = f"{model.dof:2} DoF, {model.mass:6.2f} kg, reach {model.reach:.2f} m"
-    yield f"  {name:26} {values}, hand={model.hand!r}"
+        else:
+            yield _summary(name, model, f"hand={model.hand!r}")
 
 
 def _wrapped(names: Sequence[str], indent: str = "  ") -> list[str]:
