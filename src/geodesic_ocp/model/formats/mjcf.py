@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.formats.urdf import Mimic, floats
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
@@ -39,32 +39,22 @@ _UNLIMITED = np.array([-np.inf, np.inf])
 _Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute -> value
 
 
-def mjcf_text(
-    model: Model, gravity: ArrayLike | None = None, torque: ArrayLike | None = None
-) -> str:
+def mjcf_text(model: Model) -> str:
     """Return the model as the text of an MJCF file, in the axes of its base.
 
     Every joint with the links that move with it is a body with its inertia, armature and limits;
     continuous joints have no limits. The links and the hand are sites, `Model.bodies` are geoms of
-    the group 3, and every joint has a motor. A massless link weighs 1e-12 kg.
-
-    Args:
-        model: the robot; its joints are revolute or prismatic.
-        gravity: acceleration of free fall in the axes of the base (3,) [m/s^2]; None: the model's.
-        torque: largest magnitudes (n,) that the motors exert [N m or N]; None: the limits of the
-            model's file. Infinite for no limit.
+    the group 3, and every joint has a motor with the torque limits of the model's file. A massless
+    link weighs 1e-12 kg.
 
     Raises:
-        ValueError: a joint is a screw, wrong shapes, or the collision geometry cannot be read.
+        ValueError: a joint is a screw, or the collision geometry cannot be read.
     """
     native = model.pin
-    fall = native.gravity.linear if gravity is None else as_vector("gravity", gravity, 3)
     root = ET.Element("mujoco", model=model.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ET.SubElement(root, "option", gravity=_text(fall))
-    world = ET.SubElement(root, "worldbody")
-    names = _body_names(native)
-    bodies = {0: world}
+    ET.SubElement(root, "option", gravity=_text(native.gravity.linear))
+    names, bodies = _body_names(native), {0: ET.SubElement(root, "worldbody")}
     for index in range(1, native.njoints):
         placement = native.jointPlacements[index]
         parent = bodies[native.parents[index]]
@@ -82,22 +72,13 @@ def mjcf_text(
         if native.parents[index] == 0:
             ET.SubElement(contact, "exclude", body1="world", body2=names[index])
     actuators = ET.SubElement(root, "actuator")
-    for joint, limits in zip(model.joint_names, _torque_ranges(model, torque), strict=True):
+    torques = np.column_stack([native.lowerEffortLimit, native.upperEffortLimit])
+    for joint, limits in zip(model.joint_names, torques, strict=True):
         motor = ET.SubElement(actuators, "motor", name=joint, joint=joint)
         if np.all(np.isfinite(limits)):
             motor.set("ctrlrange", _text(limits))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _torque_ranges(model: Model, torque: ArrayLike | None) -> Array:
-    """Return smallest and largest torque of each joint, (n, 2)."""
-    if torque is None:
-        return np.column_stack([model.pin.lowerEffortLimit, model.pin.upperEffortLimit])
-    largest = np.array(torque, dtype=float)
-    if largest.shape != (model.dof,) or not np.all(largest > 0.0):
-        raise ValueError(f"torque must be {model.dof} positive numbers, got {torque!r}")
-    return np.column_stack([-largest, largest])
 
 
 def _body_names(native: pin.Model) -> dict[int, str]:
@@ -193,19 +174,13 @@ def mjcf_model(
             row = model.joints[model.getJointId(driven)].idx_v
             model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
     mimics, warnings = _equalities(root, name)
-    if folder is not None:
-        _make_mesh_folders_absolute(root, folder.absolute())
+    if folder is not None:  # the text can be read from any folder
+        compiler = root.find("compiler")
+        if compiler is None:
+            compiler = ET.SubElement(root, "compiler")
+        meshes = compiler.get("meshdir", compiler.get("assetdir", ""))
+        compiler.set("meshdir", str(folder.absolute() / meshes))
     return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
-
-
-def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
-    """Let the text be read from any folder."""
-    compiler = root.find("compiler")
-    if compiler is None:
-        compiler = ET.SubElement(root, "compiler")
-    compiler.attrib.setdefault("meshdir", compiler.get("assetdir", ""))
-    for key in {"meshdir", "assetdir"} & compiler.attrib.keys():
-        compiler.set(key, str(folder / compiler.get(key, "")))
 
 
 def _include(
