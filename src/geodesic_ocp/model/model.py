@@ -371,9 +371,7 @@ def _as_hands(model: pin.Model, hand: str, hands: Sequence[str]) -> tuple[str, .
     """
     names = (hand,) if isinstance(hands, str) or not hands else tuple(hands)
     for name in (hand, *names):
-        if not isinstance(name, str) or not model.existFrame(name):
-            known = ", ".join(frame.name for frame in model.frames)
-            raise ValueError(f"the model has no frame {name!r}; its frames are {known}")
+        frame_index(model, name)
     if hand not in names or len(set(names)) < len(names):
         raise ValueError(f"hands must differ and include the hand {hand!r}, got {', '.join(names)}")
     return names

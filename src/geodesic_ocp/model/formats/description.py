@@ -173,7 +173,8 @@ def _locked_configuration(
             outside = f"lies outside its limits {lower:.6g} to {upper:.6g}"
             raise ValueError(f"configuration: {name!r} = {value:.6g} {outside}")
     free = {name: mimic for name, mimic in description.mimics.items() if name not in configuration}
-    values, q = apply_mimics(free, values), pin.neutral(model)
+    apply_mimics(free, values)
+    q = pin.neutral(model)
     for name, joint in joints.items():
         if joint.nv == 1 and name not in moving:
             angle = values[name]

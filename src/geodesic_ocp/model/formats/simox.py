@@ -24,20 +24,16 @@ _ANGLES = {"radian": 1.0, "rad": 1.0, "degree": np.pi / 180.0, "deg": np.pi / 18
 _MASSES = {"kg": 1.0, "g": 1e-3}  # [kg]
 _INERTIAS = {"kg*m^2": 1.0, "kgm^2": 1.0, "kg*m*m": 1.0}  # [kg m^2]
 # Children that are read, and those that are ignored, as they change neither pose nor inertia.
-_CHILDREN: dict[str, tuple[set[str], set[str]]] = {
-    "robotnode": (
-        {"transform", "joint", "physics", "child"},
-        {"sensor", "visualization", "collisionmodel", "graspset", "primitivemodel"},
-    ),
-    "joint": (
-        {"axis", "translationdirection", "limits"},
-        {"maxacceleration", "maxvelocity", "maxtorque"},
-    ),
-    "transform": ({"matrix4x4", "translation", "rollpitchyaw"}, set()),
-    "physics": (
-        {"mass", "com", "inertiamatrix"},
-        {"simulationtype", "ignorecollision", "friction"},
-    ),
+_READ = {
+    "robotnode": {"transform", "joint", "physics", "child"},
+    "joint": {"axis", "translationdirection", "limits"},
+    "transform": {"matrix4x4", "translation", "rollpitchyaw"},
+    "physics": {"mass", "com", "inertiamatrix"},
+}
+_IGNORED = {
+    *("sensor", "visualization", "collisionmodel", "graspset", "primitivemodel"),
+    *("maxacceleration", "maxvelocity", "maxtorque"),
+    *("simulationtype", "ignorecollision", "friction"),
 }
 _ROTATION = 1e-3  # numbers are printed with six digits
 
@@ -138,9 +134,9 @@ def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) 
 
 def _check_children(element: ET.Element) -> None:
     """Reject children that are unknown, or occur more than once where only one is allowed."""
-    tags, (read, ignored) = [child.tag for child in element], _CHILDREN[element.tag]
+    tags, read = [child.tag for child in element], _READ[element.tag]
     for tag in tags:
-        if tag not in read | ignored:
+        if tag not in read | _IGNORED:
             raise ValueError(f"<{element.tag}> has a <{tag}>, which is not supported")
         if tag in read - {"child"} and tags.count(tag) > 1:
             raise ValueError(f"<{element.tag}> has more than one <{tag}>")

@@ -10,6 +10,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -31,27 +32,20 @@ class Mimic:
     offset: float
 
 
-def apply_mimics(mimics: Mapping[str, Mimic], values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values of all joints, with those of mimic joints computed from their leaders.
-
-    Args:
-        mimics: mimic joints by name; a leader may itself mimic another joint.
-        values: values of all joints; those of mimic joints are ignored.
+def apply_mimics(mimics: Mapping[str, Mimic], values: dict[str, float]) -> None:
+    """Set the values of mimic joints from those of their leaders, which may mimic others.
 
     Raises:
         ValueError: joints mimic each other in a cycle.
     """
-    found = {name: value for name, value in values.items() if name not in mimics}
-
-    def value(name: str, visited: tuple[str, ...]) -> float:
-        if name in visited:
-            raise ValueError(f"joints mimic each other: {' and '.join(visited)}")
-        if name not in found:
-            mimic = mimics[name]
-            found[name] = mimic.multiplier * value(mimic.leader, (*visited, name)) + mimic.offset
-        return found[name]
-
-    return {name: value(name, ()) for name in values}
+    leaders = {name: [mimic.leader] for name, mimic in mimics.items()}
+    try:
+        order = [*TopologicalSorter(leaders).static_order()]
+    except CycleError as error:
+        raise ValueError(f"joints mimic each other: {' and '.join(error.args[1][1:])}") from None
+    for name in order:
+        if (mimic := mimics.get(name)) is not None:
+            values[name] = mimic.multiplier * values[mimic.leader] + mimic.offset
 
 
 def urdf_model(
