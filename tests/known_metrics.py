@@ -9,6 +9,20 @@ import numpy as np
 
 import geodesic_ocp as go
 
+# In the documented form of a file of known geodesics.
+DIAGONAL: dict[str, Any] = {
+    "name": "diagonal",
+    "metric": {"kind": "euclidean", "dim": 2},
+    "q0": [0.0, 0.0],
+    "v0": [3.0, 4.0],
+    "q1": [3.0, 4.0],
+    "length": 5.0,
+    "log": True,
+    "tolerances": {"exp": 1e-10, "log": 1e-9},
+    "points": [{"s": 0.5, "q": [1.5, 2.0]}],
+    "source": "Pythagoras.",
+}
+
 
 class Sphere(go.Metric):
     """The unit sphere in colatitude and longitude: ds^2 = dt^2 + sin^2 t dp^2."""

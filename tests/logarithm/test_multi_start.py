@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from gadget import FAN
 from known_metrics import HalfPlane, Sphere
 from known_models import free_rotor, planar_arm
 from numpy.testing import assert_allclose
@@ -59,13 +60,7 @@ def test_goals_a_period_away_are_the_same_point() -> None:
 
 def test_continuous_joints_take_the_shorter_rotation() -> None:
     """Configurations a full revolution apart are the same."""
-    text = (
-        '<robot name="fan"><link name="base"/><link name="blade"><inertial><mass value="1"/>'
-        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>'
-        '<joint name="axle" type="continuous"><parent link="base"/><child link="blade"/>'
-        '<axis xyz="0 0 1"/></joint></robot>'
-    )
-    metric = go.KineticEnergy(go.load_model(text, hand="blade"))
+    metric = go.KineticEnergy(go.load_model(FAN, hand="blade"))
     assert metric.periods == (2 * np.pi,)
     found = go.geodesics(metric, [-3.0], [3.0], num_starts=3)
     rotations = [path.velocity[0] for path in found]
