@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.model.joints import configuration, frame_index, max_reach, motion_subspace
+from geodesic_ocp.model.joints import frame_index, max_reach, motion_subspace
 from geodesic_ocp.model.model import Model
 
 # Values in files are rounded: principal moments below this fraction of the largest are zero.
@@ -33,7 +33,8 @@ def check_inertias(model: pin.Model) -> None:
 
     Every moving link, with all that is fixed to it, must have mass and, if it can rotate, positive
     principal moments of inertia. A link may be massless if a later link of its chain has mass, as
-    between the axes of a shoulder, or if its joint has an inertia of its own (armature).
+    between the axes of a shoulder, or if its joint has an inertia of its own (armature). The model
+    has one coordinate per joint, as `Model.pin`.
 
     Raises:
         ValueError: names the link and what is wrong with its inertia.
@@ -73,7 +74,7 @@ def _check_mass_matrix(model: pin.Model) -> None:
     weightless.gravity = pin.Motion.Zero()
     still, idle = np.zeros(model.nv), np.zeros(model.nv)
     for _ in range(_NUM_CONFIGURATIONS):
-        q = configuration(model, rng.uniform(-1.5, 1.5, model.nv))
+        q = rng.uniform(-1.5, 1.5, model.nv)
         # Not crba, which omits entries if joints are not numbered depth first.
         columns = [pin.rnea(weightless, data, q, still, unit) for unit in np.eye(model.nv)]
         sizes = np.sqrt(np.maximum(np.diag(columns), np.finfo(float).tiny))

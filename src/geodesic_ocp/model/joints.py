@@ -41,18 +41,6 @@ def motion_subspace(model: pin.Model, index: int) -> Array:
     return np.array(data.S, dtype=float).reshape(6)
 
 
-def configuration(model: pin.Model, q: Array) -> Array:
-    """Return Pinocchio's configuration vector (nq,) for the joint coordinates q (nv,).
-
-    They differ for continuous joints, which Pinocchio stores as cosine and sine of the angle.
-    """
-    entries: list[float] = []
-    for joint in list(model.joints)[1:]:
-        coordinate = q[joint.idx_v]
-        entries += [coordinate] if joint.nq == 1 else [np.cos(coordinate), np.sin(coordinate)]
-    return np.array(entries, dtype=float)
-
-
 def with_distinct_frames(*models: pin.Model) -> tuple[list[pin.Model], dict[str, str]]:
     """Return copies whose frames have unique names, as Pinocchio requires when it edits models.
 

@@ -111,12 +111,13 @@ def load_model(
         model = change_base(model, base)
     if model.frames[frame_index(model, hand)].parentJoint == 0:
         raise ValueError(f"hand {hand!r} does not move with any of the joints {_known(moving)}")
-    check_inertias(model)
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
     of_file = model.armature.any() and not isinstance(source, pin.Model)
     origin, continuous = "the file" if of_file else "", _limit_unlimited(model)
-    return Model(model, hand, backend, continuous, description.shapes, armature_from=origin)
+    loaded = Model(model, hand, backend, continuous, description.shapes, armature_from=origin)
+    check_inertias(loaded.pin)
+    return loaded
 
 
 def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:

@@ -99,17 +99,11 @@ def _check(root: ET.Element, name: str) -> None:
             if lower > upper:
                 what = f"its lower limit {lower:g} lies above the upper {upper:g}"
                 raise ValueError(f"{location}: {what}")
-        if axis is not None and not any(map(_nonzero, axis.get("xyz", "1 0 0").split())):
+        numbers = [] if axis is None else floats(axis.get("xyz", "1 0 0").replace(",", " "))
+        if numbers and not any(numbers):  # what else is wrong with it Pinocchio reports
             raise ValueError(f"{location}: its axis is zero")
     for mass in root.iterfind("link/inertial/mass"):
         _number(mass, "value", 0.0, f"{name}: a link's mass")
-
-
-def _nonzero(text: str) -> bool:
-    try:
-        return float(text.strip(",")) != 0.0
-    except ValueError:
-        return True  # Pinocchio reports it
 
 
 def _zero_range_warnings(joints: list[ET.Element], name: str) -> Iterator[str]:
