@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -67,7 +67,7 @@ def anthropometry(side: Side, table: TableName, sex: Sex | None) -> tuple[Segmen
         return _winter(side)
     if sex is None or sex not in get_args(Sex):
         raise ValueError(f"the table 'de_leva' needs sex='male' or 'female', got {sex!r}")
-    return _de_leva(*_DE_LEVA[sex])
+    return _de_leva(sex)
 
 
 def _winter(side: Side) -> tuple[Segment, ...]:
@@ -109,28 +109,22 @@ def trunk() -> Trunk:
 # As printed: mean stature [mm]; of upper arm, forearm and hand (to the third metacarpale): length
 # [mm], mass [% of body mass], centre of mass from the proximal end [% of length], and sagittal,
 # transverse and longitudinal radius of gyration [% of length].
-_Rows: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
-_DE_LEVA: dict[str, tuple[float, _Rows]] = {
+_STATURE = {"male": 1741.0, "female": 1735.0}
+_DE_LEVA = {
     "male": (
-        1741.0,
-        (
-            (281.7, 2.71, 57.72, 28.5, 26.9, 15.8),
-            (268.9, 1.62, 45.74, 27.6, 26.5, 12.1),
-            (86.2, 0.61, 79.00, 62.8, 51.3, 40.1),
-        ),
+        (281.7, 2.71, 57.72, 28.5, 26.9, 15.8),
+        (268.9, 1.62, 45.74, 27.6, 26.5, 12.1),
+        (86.2, 0.61, 79.00, 62.8, 51.3, 40.1),
     ),
     "female": (
-        1735.0,
-        (
-            (275.1, 2.55, 57.54, 27.8, 26.0, 14.8),
-            (264.3, 1.38, 45.59, 26.1, 25.7, 9.4),
-            (78.0, 0.56, 74.74, 53.1, 45.4, 33.5),
-        ),
+        (275.1, 2.55, 57.54, 27.8, 26.0, 14.8),
+        (264.3, 1.38, 45.59, 26.1, 25.7, 9.4),
+        (78.0, 0.56, 74.74, 53.1, 45.4, 33.5),
     ),
 }
 
 
-def _de_leva(stature: float, rows: _Rows) -> tuple[Segment, ...]:
+def _de_leva(sex: Sex) -> tuple[Segment, ...]:
     """Return segments of the mean lengths, in proportion to stature.
 
     The sagittal axis points from back to front in the anatomical position, with the palm forward.
@@ -138,8 +132,8 @@ def _de_leva(stature: float, rows: _Rows) -> tuple[Segment, ...]:
     which does not rotate with the palm, is y.
     """
     segments, tips = [], (None, None, _HAND_LENGTH)
-    for row, rotates_with_palm, tip in zip(rows, (False, True, True), tips, strict=True):
-        length, mass = row[0] / stature, row[1] / 100.0
+    for row, rotates_with_palm, tip in zip(_DE_LEVA[sex], (False, True, True), tips, strict=True):
+        length, mass = row[0] / _STATURE[sex], row[1] / 100.0
         sagittal, transverse, z = (mass * (radius / 100.0 * length) ** 2 for radius in row[3:])
         x, y = (sagittal, transverse) if rotates_with_palm else (transverse, sagittal)
         centre = (0.0, 0.0, -row[2] / 100.0 * length)
