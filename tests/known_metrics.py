@@ -51,6 +51,16 @@ class PolarPlane(go.Metric):
         return ca.diag(ca.vertcat(1.0, q[0] ** 2))
 
 
+class OutsideEllipse(go.Metric):
+    """Flat, but undefined in an ellipse about the origin."""
+
+    dim = 2
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        outside = q[1] ** 2 + 4.0 * q[0] ** 2 > 0.3
+        return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
+
+
 def on_sphere(q: np.ndarray) -> np.ndarray:
     """Points of R^3 (..., 3) for colatitude and longitude (..., 2)."""
     t, p = np.moveaxis(np.asarray(q, dtype=float), -1, 0)

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from gadget import FAN
-from known_metrics import HalfPlane, Sphere
+from known_metrics import HalfPlane, OutsideEllipse, Sphere
 from known_models import free_rotor, planar_arm
 from numpy.testing import assert_allclose
 
@@ -119,16 +119,6 @@ def test_regions_keep_the_periods_that_they_have() -> None:
     short = go.distance(along, [0.1, 0.0], [6.0, 0.0], num_starts=2)
     assert short == pytest.approx(2 * np.pi - 5.9, abs=1e-8)
     assert go.RegionAvoiding(Cylinder(), disc, configuration=(1.0, 0.0)).periods == (np.inf, np.inf)
-
-
-class OutsideEllipse(go.Metric):
-    """Flat, but undefined in an ellipse about the origin."""
-
-    dim = 2
-
-    def matrix(self, q: ca.SX) -> ca.SX:
-        outside = q[1] ** 2 + 4.0 * q[0] ** 2 > 0.3
-        return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
 
 
 def test_an_undefined_straight_line_is_one_start_among_others() -> None:

@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from gadget import MJCF, urdf
+from installed_robots import known_robot
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.mjcf import mjcf_text
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.model.formats.robots import ROBOTS
 
 mujoco = pytest.importorskip("mujoco")
-
-
-def robot(name: str) -> go.Model:
-    package = ROBOTS[name].package if name in ROBOTS else "example-robot-data"
-    if folder(package) is None:
-        pytest.skip(f"{package} is not installed (make robots)")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # about faults of the files
-        if name == "tiago":  # with its lift
-            return go.load_model("tiago", hand="arm_7_link").with_bodies()
-        return go.load_model(name).with_bodies()
 
 
 def both_arms() -> go.Model:
@@ -35,7 +24,7 @@ def both_arms() -> go.Model:
 
 
 MODELS: dict[str, Callable[[], go.Model]] = {
-    **{name: lambda name=name: robot(name) for name in (*ROBOTS, "tiago")},
+    **{name: lambda name=name: known_robot(name).with_bodies() for name in (*ROBOTS, "tiago")},
     "both arms, one with a load": both_arms,
     "URDF": lambda: go.load_model(urdf(), hand="grip"),
     "MJCF": lambda: go.load_model(MJCF, hand="tip", base="trunk"),
