@@ -257,13 +257,13 @@ def catalogue() -> Iterator[str]:
     yield f"the environment variable {ENVIRONMENT_VARIABLE} selects another one"
 
 
-def _summary(name: str, model: Model, *more: str) -> str:
+def _summary(name: str, model: Model, more: str) -> str:
     values = f"{model.dof:2} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    return ", ".join([f"  {name:19} {values}", *filter(None, more)])
+    return f"  {name} {values}{more and ', '}{more}"
 
 
 def _with_joints(name: str, model: Model) -> Iterator[str]:
-    yield _summary(name, model, model.describe_armature())
+    yield _summary(f"{name:19}", model, model.describe_armature())
     yield from _wrapped(model.joint_names, indent="    ")
 
 
@@ -287,10 +287,10 @@ def _longest_chain(name: str, backend: str) -> Iterator[str]:
             description = read_file(described()[name], None, None)
             model = load_model(name, hand=last_link(description), backend=backend)
         except ValueError as error:
-            reason = f"  {name:19} cannot be loaded: {error}"
+            reason = f"  {name:26} cannot be loaded: {error}"
             yield from textwrap.wrap(reason, _WIDTH, subsequent_indent="    ")
         else:
-            yield _summary(name, model, f"hand={model.hand!r}")
+            yield _summary(f"{name:26}", model, f"hand={model.hand!r}")
 
 
 def _wrapped(names: Sequence[str], indent: str = "  ") -> list[str]:
