@@ -1,4 +1,4 @@
-"""A small robot in URDF, with joints and links that can be replaced, and another in MJCF."""
+"""Small robots: one in URDF with joints and links that can be replaced, others, one in MJCF."""
 
 from __future__ import annotations
 
@@ -58,3 +58,22 @@ MJCF = """
   <equality><joint joint1="c2" joint2="c1" polycoef="0 -1 0 0 0"/></equality>
 </mujoco>
 """
+
+_LINK = """<inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+  <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""
+# Both links hang in a vertical plane: the axes are horizontal.
+TWO_LINKS = f"""<robot name="two links"><link name="base"/><link name="a">{_LINK}</link>
+<link name="b">{_LINK}</link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="2" velocity="3" effort="60"/></joint>
+<joint name="elbow" type="revolute"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/>
+  <axis xyz="0 1 0"/><limit lower="-1" upper="3" velocity="3" effort="40"/></joint>
+</robot>"""
+
+# It turns without limits.
+FAN = (
+    '<robot name="fan"><link name="base"/><link name="blade"><inertial><mass value="1"/>'
+    '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>'
+    '<joint name="axle" type="continuous"><parent link="base"/><child link="blade"/>'
+    '<axis xyz="0 0 1"/></joint></robot>'
+)

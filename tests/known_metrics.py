@@ -9,6 +9,20 @@ import numpy as np
 
 import geodesic_ocp as go
 
+# In the documented form of a file of known geodesics.
+DIAGONAL: dict[str, Any] = {
+    "name": "diagonal",
+    "metric": {"kind": "euclidean", "dim": 2},
+    "q0": [0.0, 0.0],
+    "v0": [3.0, 4.0],
+    "q1": [3.0, 4.0],
+    "length": 5.0,
+    "log": True,
+    "tolerances": {"exp": 1e-10, "log": 1e-9},
+    "points": [{"s": 0.5, "q": [1.5, 2.0]}],
+    "source": "Pythagoras.",
+}
+
 
 class Sphere(go.Metric):
     """The unit sphere in colatitude and longitude: ds^2 = dt^2 + sin^2 t dp^2."""
@@ -35,6 +49,16 @@ class PolarPlane(go.Metric):
 
     def matrix(self, q: Any) -> Any:
         return ca.diag(ca.vertcat(1.0, q[0] ** 2))
+
+
+class OutsideEllipse(go.Metric):
+    """Flat, but undefined in an ellipse about the origin."""
+
+    dim = 2
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        outside = q[1] ** 2 + 4.0 * q[0] ** 2 > 0.3
+        return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
 
 
 def on_sphere(q: np.ndarray) -> np.ndarray:

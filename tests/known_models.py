@@ -84,6 +84,15 @@ def random_tree(
     return model
 
 
+def configuration(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    """Pinocchio's vector, with cosine and sine of the angle of a continuous joint."""
+    entries: list[float] = []
+    for joint in list(model.joints)[1:]:
+        coordinate = q[joint.idx_v]
+        entries += [coordinate] if joint.nq == 1 else [np.cos(coordinate), np.sin(coordinate)]
+    return np.array(entries)
+
+
 def _direction(rng: np.random.Generator, size: int = 3) -> np.ndarray:
     vector = rng.normal(size=size)
     return vector / np.linalg.norm(vector)

@@ -9,6 +9,35 @@ from typing import Any
 import geodesic_ocp as go
 
 LINES, CHARACTERS = 3, 300
+# Public values that are checked in test_reprs.py of their folders, and not in tests/test_repr.py.
+OF_EXECUTION = {
+    go.execution.ArmPaths,
+    go.execution.Clearance,
+    go.execution.ClearanceReport,
+    go.execution.JointLimits,
+    go.JointTrajectory,
+    go.execution.LinkPairs,
+    go.execution.MotionMeasures,
+    go.execution.PlannedTrajectory,
+    go.execution.TrajectoryCheck,
+}
+OF_RECORDINGS = {
+    go.recordings.AngleConvention,
+    go.recordings.AxisRotation,
+    go.trajectory.FrameMotion,
+    go.recordings.LostMarker,
+    go.recordings.Markers,
+    go.recordings.OsimConvention,
+    go.recordings.SegmentOrientations,
+    go.recordings.SegmentRelation,
+    go.recordings.SkeletonConvention,
+}
+OF_STUDIES = {
+    go.studies.AnalysisSettings,
+    go.studies.BatchResult,
+    go.studies.RecordingOutcome,
+    go.studies.StudyResult,
+}
 
 
 def check_reprs(values: Iterable[Any]) -> set[type]:

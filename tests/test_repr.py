@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from known_models import planar_arm
 from public_names import public_names
-from short_reprs import check_reprs
+from short_reprs import OF_EXECUTION, OF_RECORDINGS, OF_STUDIES, check_reprs
 
 import geodesic_ocp as go
 
@@ -21,41 +21,9 @@ OF_A_RETARGETING = {
     go.retargeting.SynergyGroup,
     go.retargeting.SynergyPaths,
 }
-# And these in tests/execution/test_reprs.py.
-OF_EXECUTION = {
-    go.execution.ArmPaths,
-    go.execution.Clearance,
-    go.execution.ClearanceReport,
-    go.execution.JointLimits,
-    go.JointTrajectory,
-    go.execution.LinkPairs,
-    go.execution.MotionMeasures,
-    go.execution.PlannedTrajectory,
-    go.execution.Replay,
-    go.execution.TrajectoryCheck,
-}
-# These in tests/recordings/test_reprs.py and markers/test_fit_markers_recording.py.
-OF_RECORDINGS = {
-    go.recordings.AngleConvention,
-    go.recordings.AxisRotation,
-    go.trajectory.FrameMotion,
-    go.recordings.LostMarker,
-    go.recordings.MarkerFit,
-    go.recordings.Markers,
-    go.recordings.MarkerSet,
-    go.recordings.OsimConvention,
-    go.recordings.SegmentOrientations,
-    go.recordings.SegmentRelation,
-    go.recordings.SkeletonConvention,
-}
-# These in tests/studies/test_reprs.py.
-OF_STUDIES = {
-    go.studies.AnalysisSettings,
-    go.studies.BatchResult,
-    go.studies.RecordingOutcome,
-    go.studies.StudyResult,
-}
-ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES
+# And these in tests/execution/test_reprs.py and recordings/markers/test_fit_markers_recording.py.
+ALONE = {go.execution.Replay, go.recordings.MarkerFit, go.recordings.MarkerSet}
+ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES | ALONE
 ABSTRACT = {go.Metric, go.Problem}
 NEEDS_A_NOTEBOOK = {go.ocp.LivePlot}
 

@@ -7,23 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from known_metrics import DIAGONAL
 
 from geodesic_ocp import validation
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.validation import FORMAT
-
-DIAGONAL: dict[str, Any] = {
-    "name": "diagonal",
-    "metric": {"kind": "euclidean", "dim": 2},
-    "q0": [0.0, 0.0],
-    "v0": [3.0, 4.0],
-    "q1": [3.0, 4.0],
-    "length": 5.0,
-    "log": True,
-    "tolerances": {"exp": 1e-10, "log": 1e-9},
-    "points": [{"s": 0.5, "q": [1.5, 2.0]}],
-    "source": "Pythagoras.",
-}
 
 
 def table(file: Path, **changes: Any) -> Path:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from installed_robots import known_robot
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 ROBOT = """<robot name="one"><link name="base"/><link name="a"><inertial><mass value="1"/>
@@ -74,9 +74,7 @@ def test_clearance_is_checked_where_geometry_is_known(
     file, robot = files
     run(file, "--robot", robot, "--hand", "a")
     assert "note: clearance is not checked: the robot has no" in capsys.readouterr().out
-    if folder(ROBOTS["panda"].package) is None:
-        pytest.skip("needs robots: make robots")
-    names = go.load_model("panda").joint_names
+    names = known_robot("panda").joint_names
     q = np.tile([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0], (3, 1))  # the hand is in the shoulder
     folded = JointTrajectory(np.arange(3) / 100, q, 0 * q, 0 * q, names)
     assert run(str(folded.save(tmp_path / "folded.npz")), "--robot", "panda") == 1
@@ -102,9 +100,7 @@ def test_wrong_limits_are_named(files: tuple[str, str], capsys: pytest.CaptureFi
 def test_gravity_is_given_or_that_of_the_alignment(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if folder(ROBOTS["panda"].package) is None:
-        pytest.skip("needs robots: make robots")
-    panda = go.load_model("panda")
+    panda = known_robot("panda")
     q = np.tile([0.0, 1.2, 0.0, -0.1, 0.0, 1.0, 0.0], (3, 1))  # stretched forward
     here = JointTrajectory(np.arange(3) / 100, q, 0 * q, 0 * q, panda.joint_names)
     file = str(here.save(tmp_path / "still.json"))

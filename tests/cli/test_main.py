@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from installed_robots import needs_robots
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import analyse as analyse_command
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.model.formats import load_model
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.studies import analyse_recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
@@ -509,11 +510,6 @@ def test_wrong_robots_are_named(
     assert "two robots, of the right and of the left arm" in capsys.readouterr().err
     assert cli.main(["demo", "--robot", "pandora", "--out", str(tmp_path)]) == 2
     assert not any(tmp_path.glob("*/figure.png"))
-
-
-needs_robots = pytest.mark.skipif(
-    folder("example-robot-data") is None, reason="needs robots: make robots"
-)
 
 
 @needs_robots

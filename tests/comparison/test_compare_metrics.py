@@ -7,23 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from smooth_motions import reversing
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.studies.compare_metrics import bayesian_information, noise_left
 from geodesic_ocp.trajectory.motion import bandwidth
 
-TIME = np.linspace(0.0, 0.9, 46)
 OPTIONS = {"spacing": 0.1, "thresholds": [0.6]}
 
 
 @pytest.fixture(scope="module")
-def motion(arm: go.Model) -> go.Motion:
-    """A smooth motion whose joints reverse at different times."""
-    rates = np.array([5.0, 7.0, 4.0, 9.0, 6.0, 11.0, 8.0])
-    phase = TIME[:, None] * rates + np.arange(7)
-    q = [0.3, 0.1, -0.7, 1.0, 0.1, 0.0, 0.1] + 0.2 * np.sin(phase)
-    return go.Motion(TIME, q, arm.joint_names, 0.2 * rates * np.cos(phase))
+def motion() -> go.Motion:
+    return reversing()
 
 
 @pytest.fixture(scope="module")

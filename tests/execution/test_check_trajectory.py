@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from gadget import TWO_LINKS
 from numpy.testing import assert_allclose
 from table_rows import rows_of_table
 
@@ -22,22 +23,12 @@ from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
-LINK = """<inertial><origin xyz="0.5 0 0"/><mass value="2"/>
-  <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""
-# Both links hang in a vertical plane: the axes are horizontal.
-ARM = f"""<robot name="two links"><link name="base"/><link name="a">{LINK}</link>
-<link name="b">{LINK}</link>
-<joint name="shoulder" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
-  <limit lower="-2" upper="2" velocity="3" effort="60"/></joint>
-<joint name="elbow" type="revolute"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/>
-  <axis xyz="0 1 0"/><limit lower="-1" upper="3" velocity="3" effort="40"/></joint>
-</robot>"""
 DURATION = 2.0
 
 
 @pytest.fixture(scope="module")
 def arm() -> go.Model:
-    return go.load_model(ARM, hand="b")
+    return go.load_model(TWO_LINKS, hand="b")
 
 
 def swing(rate: float = 100.0, time: Any = None) -> JointTrajectory:

@@ -7,6 +7,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from installed_robots import needs_robots
 from numpy.testing import assert_allclose, assert_array_equal
 from table_rows import rows_of_table
 
@@ -21,7 +22,6 @@ from geodesic_ocp.execution.link_pairs import (
     sampled_configurations,
 )
 from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
-from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.tables import text
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
@@ -300,7 +300,7 @@ def test_wrong_trajectories_are_named(robot: go.Model, found: LinkPairs) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs example-robot-data")
+@needs_robots
 def test_a_panda_keeps_its_links_apart_by_lower_bounds() -> None:
     robot = go.load_model("panda")
     pairs = link_pairs(robot)

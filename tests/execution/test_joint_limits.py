@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from installed_robots import known_robot
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits, published_limits
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.model.formats.robots import ROBOTS
 
 ROBOT = """<robot name="two"><link name="base"/>
 <link name="a"><inertial><mass value="1"/>
@@ -29,14 +29,6 @@ ROBOT = """<robot name="two"><link name="base"/>
 @pytest.fixture
 def two() -> go.Model:
     return go.load_model(ROBOT, hand="b")
-
-
-def known(name: str) -> go.Model:
-    if folder(ROBOTS[name].package) is None:
-        pytest.skip("needs robots: make robots")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # about faults of the files
-        return go.load_model(name)
 
 
 def test_a_file_limits_speed_and_torque_and_defaults_follow(two: go.Model) -> None:
@@ -83,7 +75,7 @@ def test_arms_of_persons_have_no_limits_but_positions() -> None:
 
 
 def test_published_limits_of_the_panda() -> None:
-    panda = known("panda")
+    panda = known_robot("panda")
     for model in (panda, panda.with_payload(2.0)):
         limits = joint_limits(model)
         assert limits.velocity.tolist() == [2.175] * 4 + [2.61] * 3
@@ -95,7 +87,7 @@ def test_published_limits_of_the_panda() -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_robot_by_name_has_finite_limits(name: str) -> None:
-    limits = joint_limits(known(name))
+    limits = joint_limits(known_robot(name))
     for quantity in QUANTITIES:
         assert np.isfinite(getattr(limits, quantity)).all()
 

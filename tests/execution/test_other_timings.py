@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gadget import TWO_LINKS
 from numpy.testing import assert_allclose
 from table_rows import rows_of_table
 
@@ -28,16 +29,7 @@ compare_timings, largest_deviation = timings["compare_timings"], timings["larges
 toppra_trajectory, ruckig_trajectory = timings["toppra_trajectory"], timings["ruckig_trajectory"]
 stack_paths = timings["stack_paths"]
 
-LINK = """<inertial><origin xyz="0.5 0 0"/><mass value="2"/>
-  <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""
-ARM = f"""<robot name="two links"><link name="base"/><link name="a">{LINK}</link>
-<link name="b">{LINK}</link>
-<joint name="shoulder" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
-  <limit lower="-2" upper="2" velocity="3" effort="60"/></joint>
-<joint name="elbow" type="revolute"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/>
-  <axis xyz="0 1 0"/><limit lower="-1" upper="3" velocity="3" effort="40"/></joint>
-</robot>"""
-MODEL = go.load_model(ARM, hand="b")
+MODEL = go.load_model(TWO_LINKS, hand="b")
 
 
 def along(*corners: Any, **limits: Any) -> ArmPaths:

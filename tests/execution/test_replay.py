@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from gadget import MJCF, urdf
+from installed_robots import known_robot
 from numpy.testing import assert_allclose
 from table_rows import rows_of_table
 
@@ -16,7 +16,6 @@ import geodesic_ocp as go
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.execution.replay import Replay, replay
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
@@ -40,14 +39,6 @@ def reach(model: go.Model, duration: float, amplitude: float = 0.5) -> JointTraj
     )
 
 
-def known(name: str) -> go.Model:
-    if folder(ROBOTS[name].package) is None:
-        pytest.skip(f"{ROBOTS[name].package} is not installed (make robots)")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # about faults of the files
-        return with_rotor_inertia(go.load_model(name).with_bodies())
-
-
 @pytest.fixture(scope="module")
 def arm() -> go.Model:
     return go.human_arm("right", armature=0.05)
@@ -60,7 +51,7 @@ def exact(arm: go.Model) -> Replay:
 
 @pytest.mark.parametrize("name", ["panda", "ur5", "xarm7", "tiago-pro-left-arm", "armar6-right"])
 def test_robots_follow_what_is_within_their_limits(name: str) -> None:
-    model = known(name)
+    model = with_rotor_inertia(known_robot(name).with_bodies())
     result = replay(reach(model, 3.0), model, contacts=False)
     assert result.largest_error.max() < 1e-3  # [rad]
     assert result.position_error.max() < 1e-3  # [m]

@@ -4,21 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from short_reprs import check_reprs
+from short_reprs import OF_EXECUTION, check_reprs
 
 import geodesic_ocp as go
-
-OF_EXECUTION = {
-    go.execution.ArmPaths,
-    go.execution.Clearance,
-    go.execution.ClearanceReport,
-    go.execution.JointLimits,
-    go.JointTrajectory,
-    go.execution.LinkPairs,
-    go.execution.MotionMeasures,
-    go.execution.PlannedTrajectory,
-    go.execution.TrajectoryCheck,
-}
 
 
 @pytest.mark.slow
@@ -60,7 +48,6 @@ def test_reprs_are_short() -> None:
             one, half, one.hand_pose(half.positions), go.execution.joint_limits(one)
         ),
     ]
-    # Others are in tests/test_repr.py, which takes it that these are here.
     assert check_reprs(values) >= OF_EXECUTION
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from installed_robots import needs_robots
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -17,7 +18,6 @@ import geodesic_ocp as go
 from geodesic_ocp.arrays import rotation_vector
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.track_within_limits import track_within_limits
-from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 TIME = np.linspace(0.0, 2.0, 101)
@@ -151,7 +151,7 @@ def test_wrong_arguments_are_named(arm: go.Model, limits: JointLimits) -> None:
             track_within_limits(arm, **given)
 
 
-@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs robots: make robots")
+@needs_robots
 @pytest.mark.parametrize("name", ["panda", "ur5"])
 def test_robots_stay_within_their_limits(name: str) -> None:
     robot = go.load_model(name)

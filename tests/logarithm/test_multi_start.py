@@ -5,7 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from known_metrics import HalfPlane, Sphere
+from gadget import FAN
+from known_metrics import HalfPlane, OutsideEllipse, Sphere
 from known_models import free_rotor, planar_arm
 from numpy.testing import assert_allclose
 
@@ -59,13 +60,7 @@ def test_goals_a_period_away_are_the_same_point() -> None:
 
 def test_continuous_joints_take_the_shorter_rotation() -> None:
     """Configurations a full revolution apart are the same."""
-    text = (
-        '<robot name="fan"><link name="base"/><link name="blade"><inertial><mass value="1"/>'
-        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>'
-        '<joint name="axle" type="continuous"><parent link="base"/><child link="blade"/>'
-        '<axis xyz="0 0 1"/></joint></robot>'
-    )
-    metric = go.KineticEnergy(go.load_model(text, hand="blade"))
+    metric = go.KineticEnergy(go.load_model(FAN, hand="blade"))
     assert metric.periods == (2 * np.pi,)
     found = go.geodesics(metric, [-3.0], [3.0], num_starts=3)
     rotations = [path.velocity[0] for path in found]
@@ -124,16 +119,6 @@ def test_regions_keep_the_periods_that_they_have() -> None:
     short = go.distance(along, [0.1, 0.0], [6.0, 0.0], num_starts=2)
     assert short == pytest.approx(2 * np.pi - 5.9, abs=1e-8)
     assert go.RegionAvoiding(Cylinder(), disc, configuration=(1.0, 0.0)).periods == (np.inf, np.inf)
-
-
-class OutsideEllipse(go.Metric):
-    """Flat, but undefined in an ellipse about the origin."""
-
-    dim = 2
-
-    def matrix(self, q: ca.SX) -> ca.SX:
-        outside = q[1] ** 2 + 4.0 * q[0] ** 2 > 0.3
-        return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
 
 
 def test_an_undefined_straight_line_is_one_start_among_others() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from gadget import FAN
 from known_metrics import PolarPlane, in_plane
 from known_models import planar_arm
 
@@ -283,13 +284,7 @@ def test_exp_towards_a_boundary_is_right_or_an_error(
 
 
 def test_continuous_joints_are_not_limited() -> None:
-    text = (
-        '<robot name="fan"><link name="base"/><link name="blade"><inertial><mass value="1"/>'
-        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>'
-        '<joint name="axle" type="continuous"><parent link="base"/><child link="blade"/>'
-        '<axis xyz="0 0 1"/></joint></robot>'
-    )
-    fan = go.load_model(text, hand="blade")
+    fan = go.load_model(FAN, hand="blade")
     with pytest.raises(ValueError, match="no joint of 'fan' has a finite limit"):
         go.RegionAvoiding(go.KineticEnergy(fan))
     limited = fan.with_limits([-2.0], [2.0])

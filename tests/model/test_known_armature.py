@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 from gadget import urdf
+from installed_robots import known_robot
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.model.inertias import robot_armature, with_rotor_inertia
-
-
-def robot(name: str) -> go.Model:
-    if folder(ROBOTS[name].package) is None:
-        pytest.skip(f"{ROBOTS[name].package} is not installed (make robots)")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # about faults of the files
-        return go.load_model(name)
 
 
 def test_a_model_keeps_the_armature_that_it_has() -> None:
@@ -62,7 +52,7 @@ def test_the_default_is_that_of_revolute_joints_and_scales_for_prismatic_ones() 
     ],
 )
 def test_robots_by_name(name: str, value: float, source: str) -> None:
-    model = robot(name)
+    model = known_robot(name)
     found = robot_armature(model)
     assert_allclose(found.values, value, rtol=1e-2)  # Talos has rotors times squared gear ratios
     assert source in found.source
@@ -70,7 +60,7 @@ def test_robots_by_name(name: str, value: float, source: str) -> None:
 
 
 def test_two_robots_in_one_model_have_theirs() -> None:
-    panda = robot("panda")
+    panda = known_robot("panda")
     both = go.combine(panda, panda, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     assert robot_armature(both).values.tolist() == [0.1] * 14
 

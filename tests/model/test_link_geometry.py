@@ -9,11 +9,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from gadget import MJCF, urdf
+from installed_robots import known_robot
 from known_models import capsule_volume, contains
 from scipy.spatial import ConvexHull
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.robots import folder, locate
+from geodesic_ocp.model.formats.robots import locate
 
 COLLISION = """
 <collision><origin xyz="0.1 0 0" rpy="0 1.5707963267948966 0"/>
@@ -87,9 +88,7 @@ def test_a_mesh_in_a_file(tmp_path: Path) -> None:
 
 
 def test_meshes_of_panda_are_inside_its_capsules() -> None:
-    if folder("example-robot-data") is None:
-        pytest.skip("example-robot-data is not installed here")
-    robot = go.load_model("panda")
+    robot = known_robot("panda")
     file = locate("panda")
     assert file is not None
     whole = pin.buildModelFromUrdf(str(file))
@@ -110,6 +109,7 @@ def test_meshes_of_panda_are_inside_its_capsules() -> None:
 
 def test_capsules_of_a_urdf_are_read_beside_other_shapes() -> None:
     shapes = (
+        '<visual><geometry><capsule radius="0.05" length="0.4"/></geometry></visual>'
         '<collision><geometry><sphere radius="0.07"/></geometry></collision>'
         '<collision><origin xyz="0.1 0 0" rpy="0 1.5707963267948966 0"/>'
         '<geometry><capsule radius="0.05" length="0.4"/></geometry></collision>'

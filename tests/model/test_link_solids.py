@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from installed_robots import needs_robots
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.link_solids import (
     exact_distance,
     is_closer,
@@ -105,7 +105,7 @@ def test_models_without_a_file_have_their_bodies() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs example-robot-data")
+@needs_robots
 def test_convex_meshes_have_the_same_distances_as_convex_bodies(rng: np.random.Generator) -> None:
     solids = {each.link: each for each in link_solids(go.load_model("talos-left-arm"))}
     one, other = solids["arm_left_2_link"], solids["arm_left_5_link"]

@@ -11,10 +11,10 @@ import pinocchio as pin
 import pytest
 import trimesh
 from gadget import MJCF, urdf
+from installed_robots import known_robot
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.model.look import Mesh, simplified
 from geodesic_ocp.model.meshes import MAX_TRIANGLES, meshes
 
@@ -224,9 +224,7 @@ def test_an_open_tube_stays_open_and_whole() -> None:
 
 @pytest.mark.slow
 def test_a_robots_own_meshes() -> None:
-    if folder(ROBOTS["panda"].package) is None:
-        pytest.skip("example-robot-data is not installed (make robots)")
-    model = go.load_model("panda")
+    model = known_robot("panda")
     found = meshes(model)
     assert {f"panda_link{number}" for number in range(8)} < {mesh.link for mesh in found}
     assert 0.8 * MAX_TRIANGLES < sum(len(mesh.triangles) for mesh in found) <= MAX_TRIANGLES

@@ -9,11 +9,10 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from known_models import free_rotor, planar_arm, random_tree
+from known_models import configuration, free_rotor, planar_arm, random_tree
 
 import geodesic_ocp as go
 from geodesic_ocp.model import dynamics
-from geodesic_ocp.model.joints import configuration
 
 # Rounding of a few hundred operations in different orders.
 RELATIVE = 1e-12

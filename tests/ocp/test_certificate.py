@@ -8,7 +8,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 import pytest
-from known_metrics import Sphere
+from known_metrics import OutsideEllipse, Sphere
 from known_problems import PlaneAroundDisc
 from numpy.testing import assert_allclose
 
@@ -93,16 +93,6 @@ def test_constrained_paths_are_minimizing_but_not_geodesics() -> None:
     certificate = go.solve(PlaneAroundDisc()).certificate
     assert certificate.locally_shortest
     assert certificate.endpoint_error > 0.1
-
-
-class OutsideEllipse(go.Metric):
-    """Flat, but undefined in an ellipse about the origin."""
-
-    dim = 2
-
-    def matrix(self, q: ca.SX) -> ca.SX:
-        outside = q[1] ** 2 + 4.0 * q[0] ** 2 > 0.3
-        return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
 
 
 def test_undefined_metric_leaves_the_index_undetermined() -> None:

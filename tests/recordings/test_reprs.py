@@ -3,23 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from short_reprs import check_reprs
+from short_reprs import OF_RECORDINGS, check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ISB
 from geodesic_ocp.recordings.conventions.skeleton_convention import SMPL
-
-OF_RECORDINGS = {
-    go.recordings.AngleConvention,
-    go.recordings.AxisRotation,
-    go.trajectory.FrameMotion,
-    go.recordings.LostMarker,
-    go.recordings.Markers,
-    go.recordings.OsimConvention,
-    go.recordings.SegmentOrientations,
-    go.recordings.SegmentRelation,
-    go.recordings.SkeletonConvention,
-}
 
 
 def test_reprs_are_short() -> None:

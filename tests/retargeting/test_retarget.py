@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from installed_robots import needs_robots
 from numpy.testing import assert_allclose
 from shaded_times import is_shaded
 from short_reprs import check_reprs
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.retargeting.key_poses import REACHED
 
 
@@ -476,7 +476,7 @@ def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Pat
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs robots: make robots")
+@needs_robots
 def test_on_panda(analysis: go.Analysis) -> None:
     settings = go.RetargetingSettings(merge=0.3)
     found = go.retarget(analysis, go.load_model("panda"), settings=settings)

@@ -5,18 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from short_reprs import check_reprs
+from short_reprs import OF_STUDIES, check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.studies.result_files import RecordingOutcome
 from geodesic_ocp.studies.sources import RecordingSource
-
-OF_STUDIES = {
-    go.studies.AnalysisSettings,
-    go.studies.BatchResult,
-    go.studies.RecordingOutcome,
-    go.studies.StudyResult,
-}
 
 
 def test_reprs_are_short(bundled_analysis: go.Analysis) -> None:

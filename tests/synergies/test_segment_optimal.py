@@ -6,24 +6,21 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from smooth_motions import reversing
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import sample_geodesic
 from geodesic_ocp.synergies import segment_costs
 
-TIME = np.linspace(0.0, 0.9, 46)
+TIME = reversing().time
 GRID = list(range(0, 46, 5))  # every 0.1 s
 OPTIONS = {"spacing": 0.1, "max_duration": 0.5}
 MEASURES = ("joint", "position", "orientation")
 
 
 @pytest.fixture(scope="module")
-def motion(arm: go.Model) -> go.Motion:
-    """A smooth motion whose joints reverse at different times."""
-    rates = np.array([5.0, 7.0, 4.0, 9.0, 6.0, 11.0, 8.0])
-    phase = TIME[:, None] * rates + np.arange(7)
-    q = [0.3, 0.1, -0.7, 1.0, 0.1, 0.0, 0.1] + 0.2 * np.sin(phase)
-    return go.Motion(TIME, q, arm.joint_names, 0.2 * rates * np.cos(phase))
+def motion() -> go.Motion:
+    return reversing()
 
 
 @pytest.fixture(scope="module")

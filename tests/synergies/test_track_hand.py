@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from smooth_motions import swinging
 
 import geodesic_ocp as go
 
-TIME = np.arange(0.0, 2.0, 0.01)
+TIME = swinging().time
 
 
 @pytest.fixture(scope="module")
 def motion() -> go.Motion:
-    arm = go.human_arm("right")
-    swing = np.sin(np.outer(TIME, [1.0, 1.7, 0.8, 2.0, 1.3, 2.2, 0.9]))
-    centre = np.array([0.6, 0.1, -0.8, 1.3, 0.1, -0.1, -0.1])
-    return go.Motion(TIME, centre + 0.3 * swing, arm.joint_names)
+    return swinging()
 
 
 def test_the_hand_is_tracked_but_not_the_configuration(arm: go.Model, motion: go.Motion) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from known_metrics import DIAGONAL
 
 from geodesic_ocp import validation
 from geodesic_ocp.model.dynamics import BACKENDS, why_unavailable
@@ -36,18 +37,6 @@ ROOT = Path(__file__).resolve().parents[2]
 TOOL = ROOT / "tools" / "known_geodesics.py"
 GUIDE = ROOT / "docs" / "how-to" / "known_geodesics.md"
 KNOWN = read_known_geodesics()
-ENTRY: dict[str, Any] = {
-    "name": "diagonal",
-    "metric": {"kind": "euclidean", "dim": 2},
-    "q0": [0.0, 0.0],
-    "v0": [3.0, 4.0],
-    "q1": [3.0, 4.0],
-    "length": 5.0,
-    "log": True,
-    "tolerances": {"exp": 1e-10, "log": 1e-9},
-    "points": [{"s": 0.5, "q": [1.5, 2.0]}],
-    "source": "Pythagoras.",
-}
 
 
 def entry_named(name: str) -> KnownGeodesic:
@@ -63,7 +52,7 @@ def write_table(folder: Path, *entries: Any, **head: Any) -> Path:
 
 def changed_entry(**fields: Any) -> dict[str, Any]:
     """The entry with changed fields; None leaves a field out."""
-    return {name: value for name, value in {**ENTRY, **fields}.items() if value is not None}
+    return {name: value for name, value in {**DIAGONAL, **fields}.items() if value is not None}
 
 
 def failed_quantities(checks: list[Check]) -> set[str]:
@@ -217,7 +206,7 @@ def test_run_check_prints_the_table(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("short_table")
 def test_run_check_adds_a_users_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_check(write_table(tmp_path, ENTRY), "built-in")
+    assert run_check(write_table(tmp_path, DIAGONAL), "built-in")
     assert "2 known geodesics with built-in: all 8 checks passed" in capsys.readouterr().out
 
 
@@ -305,9 +294,9 @@ def test_malformed_entries_are_named(tmp_path: Path, fields: dict[str, Any], wor
     ("entries", "head", "words"),
     [
         ([], {}, "entries"),
-        ([ENTRY], {"format": "geodesics"}, '"format" must be'),
-        ([ENTRY], {"version": 2}, '"version" must be 1, is 2'),
-        ([ENTRY, ENTRY], {}, r"entry 2 \('diagonal'\): name is that of an entry before"),
+        ([DIAGONAL], {"format": "geodesics"}, '"format" must be'),
+        ([DIAGONAL], {"version": 2}, '"version" must be 1, is 2'),
+        ([DIAGONAL, DIAGONAL], {}, r"entry 2 \('diagonal'\): name is that of an entry before"),
         ([changed_entry(name=None)], {}, "entry 1: name is missing"),
         ([[1.0, 2.0]], {}, "entry 1: must be an object with the fields name, metric"),
     ],

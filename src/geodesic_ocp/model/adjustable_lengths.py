@@ -16,7 +16,7 @@ import pinocchio as pin
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Body
+from geodesic_ocp.model.primitives import Ball
 from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 
@@ -39,13 +39,7 @@ def joint_poses(model: Model, q: ca.SX, factors: ca.SX) -> list[tuple[ca.SX, ca.
 
 
 def joint_index(model: Model, name: str) -> int:
-    """Return index in `pin` of the joint of that name.
-
-    Raises:
-        ValueError: there is no such joint.
-    """
-    if not model.pin.existJointName(name):
-        raise ValueError(f"the model has no joint {name!r}")
+    """Return index in `pin` of the joint of that name."""
     return int(model.pin.getJointId(name))
 
 
@@ -75,19 +69,9 @@ def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
         bodies: for every joint a factor of the size of the body that it carries (n + 1,): of its
             centre of mass, its frames and its capsules; its inertia is multiplied by the square.
             Radii are divided by the root, so that capsules keep their volume.
-
-    Raises:
-        ValueError: wrong shapes, or a factor that is not positive.
     """
-    factors, bodies = np.asarray(factors, dtype=float), np.asarray(bodies, dtype=float)
-    count = model.pin.njoints
-    if factors.shape != (count, 3) or bodies.shape != (count,):
-        got = f"{factors.shape} and {bodies.shape}"
-        raise ValueError(f"factors must be ({count}, 3) and bodies ({count},), got {got}")
-    if not (np.all(factors > 0.0) and np.all(bodies > 0.0)):
-        raise ValueError("factors of lengths must be positive")
     scaled = model.pin.copy()
-    for index in range(1, count):
+    for index in range(1, scaled.njoints):
         placement = model.pin.jointPlacements[index]
         offset = placement.translation * factors[index]
         scaled.jointPlacements[index] = pin.SE3(placement.rotation, offset)
@@ -97,12 +81,10 @@ def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
         place = frame.placement
         offset = bodies[frame.parentJoint] * place.translation
         frame.placement = pin.SE3(place.rotation, offset)
-    shapes = tuple(_scaled(body, bodies[model.joint_of(str(body.link))]) for body in model.bodies)
-    return replace(model, pin=scaled, shapes=shapes)
-
-
-def _scaled(body: Body, size: float) -> Body:
-    radius = float(body.radius / np.sqrt(size))
-    keys = ("centre",) if isinstance(body, Ball) else ("start", "end")
-    points: dict[str, Any] = {key: size * np.array(getattr(body, key)) for key in keys}
-    return replace(body, radius=radius, **points)
+    shapes = []
+    for body in model.bodies:
+        size = bodies[model.joint_of(str(body.link))]
+        keys = ("centre",) if isinstance(body, Ball) else ("start", "end")
+        points: dict[str, Any] = {key: size * np.array(getattr(body, key)) for key in keys}
+        shapes.append(replace(body, radius=body.radius / np.sqrt(size), **points))
+    return replace(model, pin=scaled, shapes=tuple(shapes))

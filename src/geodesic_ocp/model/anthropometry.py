@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from geodesic_ocp.model.primitives import Capsule
 Side = Literal["right", "left"]
 TableName = Literal["winter", "de_leva"]
 Sex = Literal["male", "female"]
+# Winter's, to the fingertips; that of de Leva ends at the third metacarpal.
+_HAND_LENGTH = 0.108  # [height]
 _FITS = 0.1  # [length of the segment], by which a capsule's end may miss a joint
 
 
@@ -35,17 +37,7 @@ class Segment:
     mass: float  # [body mass]
     centre: tuple[float, float, float]  # of mass [height]
     inertia: tuple[float, float, float]  # about the centre of mass [body mass * height^2]
-
-
-@dataclass(frozen=True)
-class Anthropometry:
-    """An arm per unit of body height and mass."""
-
-    upper_arm_length: float  # [height]
-    forearm_length: float  # [height]
-    upper_arm: Segment
-    forearm: Segment
-    hand: Segment
+    length: float = 0.0  # to the next joint, of the hand to the fingertips [height]
 
 
 @dataclass(frozen=True)
@@ -53,17 +45,15 @@ class Trunk:
     """Abdomen and thorax per unit of body height and mass; each originates at its lower joint."""
 
     pelvis: float  # from the pelvis to the lumbar joint [height]
-    abdomen_length: float  # [height]
-    thorax_length: float  # to the point midway between the shoulders [height]
-    half_width: float  # from there to a shoulder [height]
+    half_width: float  # from the point midway between the shoulders to one of them [height]
     head: tuple[float, float]  # lower and upper end, above that point [height]
     abdomen: Segment
-    thorax: Segment
+    thorax: Segment  # to that point
     on_thorax: tuple[Segment, ...]  # clavicles, neck and head, in the axes and origin of the thorax
 
 
-def anthropometry(side: Side, table: TableName, sex: Sex | None) -> Anthropometry:
-    """Return the values of a table for one arm.
+def anthropometry(side: Side, table: TableName, sex: Sex | None) -> tuple[Segment, ...]:
+    """Return upper arm, forearm and hand of a table for one arm.
 
     Raises:
         ValueError: an unknown table or sex, a missing sex for the table of de Leva, or a sex for
@@ -77,22 +67,20 @@ def anthropometry(side: Side, table: TableName, sex: Sex | None) -> Anthropometr
         return _winter(side)
     if sex is None or sex not in get_args(Sex):
         raise ValueError(f"the table 'de_leva' needs sex='male' or 'female', got {sex!r}")
-    return _de_leva(*_DE_LEVA[sex])
+    return _de_leva(sex)
 
 
-def _winter(side: Side) -> Anthropometry:
+def _winter(side: Side) -> tuple[Segment, ...]:
     # In the source, the x offset of the left centres of mass is 1e-14: rounding, set to zero.
     x, y = {"right": (2.03848e-5, 3.81383e-8), "left": (0.0, 3.81383e-8)}[side]
     hand = {
         "right": (5.18800e-6, 3.90222e-6, 1.41993e-6),
         "left": (5.19630e-6, 3.91221e-6, 1.41814e-6),
     }[side]
-    return Anthropometry(
-        upper_arm_length=0.188,
-        forearm_length=0.145,
-        upper_arm=Segment(0.027, (x, y, -0.082), (5.90063e-5, 5.90086e-5, 3.96211e-6)),
-        forearm=Segment(0.016, (x, y, -0.0624), (2.35586e-5, 2.33400e-5, 1.50684e-6)),
-        hand=Segment(0.006, (x, y, -0.0546), hand),
+    return (
+        Segment(0.027, (x, y, -0.082), (5.90063e-5, 5.90086e-5, 3.96211e-6), 0.188),
+        Segment(0.016, (x, y, -0.0624), (2.35586e-5, 2.33400e-5, 1.50684e-6), 0.145),
+        Segment(0.006, (x, y, -0.0546), hand, _HAND_LENGTH),
     )
 
 
@@ -105,12 +93,10 @@ def trunk() -> Trunk:
     clavicle = half_width - 0.010
     return Trunk(
         pelvis=0.040,
-        abdomen_length=0.060,
-        thorax_length=thorax,
         half_width=half_width,
         head=(0.052, 0.182),
-        abdomen=Segment(0.1, (0.0, 0.0, 0.0264), (1.07917e-4, 1.07917e-4, 7.74494e-5)),
-        thorax=Segment(0.17, (0.0, 0.0, 0.15416), (6.62659e-4, 8.31018e-4, 4.69138e-4)),
+        abdomen=Segment(0.1, (0.0, 0.0, 0.0264), (1.07917e-4, 1.07917e-4, 7.74494e-5), 0.060),
+        thorax=Segment(0.17, (0.0, 0.0, 0.15416), (6.62659e-4, 8.31018e-4, 4.69138e-4), thorax),
         on_thorax=(
             Segment(0.021, (clavicle, 0.0, thorax), (4.07431e-6, 5.50730e-6, 5.18568e-6)),
             Segment(0.021, (-clavicle, 0.0, thorax), (4.09202e-6, 5.53935e-6, 5.20945e-6)),
@@ -123,41 +109,36 @@ def trunk() -> Trunk:
 # As printed: mean stature [mm]; of upper arm, forearm and hand (to the third metacarpale): length
 # [mm], mass [% of body mass], centre of mass from the proximal end [% of length], and sagittal,
 # transverse and longitudinal radius of gyration [% of length].
-_Rows: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
-_DE_LEVA: dict[str, tuple[float, _Rows]] = {
+_STATURE = {"male": 1741.0, "female": 1735.0}
+_DE_LEVA = {
     "male": (
-        1741.0,
-        (
-            (281.7, 2.71, 57.72, 28.5, 26.9, 15.8),
-            (268.9, 1.62, 45.74, 27.6, 26.5, 12.1),
-            (86.2, 0.61, 79.00, 62.8, 51.3, 40.1),
-        ),
+        (281.7, 2.71, 57.72, 28.5, 26.9, 15.8),
+        (268.9, 1.62, 45.74, 27.6, 26.5, 12.1),
+        (86.2, 0.61, 79.00, 62.8, 51.3, 40.1),
     ),
     "female": (
-        1735.0,
-        (
-            (275.1, 2.55, 57.54, 27.8, 26.0, 14.8),
-            (264.3, 1.38, 45.59, 26.1, 25.7, 9.4),
-            (78.0, 0.56, 74.74, 53.1, 45.4, 33.5),
-        ),
+        (275.1, 2.55, 57.54, 27.8, 26.0, 14.8),
+        (264.3, 1.38, 45.59, 26.1, 25.7, 9.4),
+        (78.0, 0.56, 74.74, 53.1, 45.4, 33.5),
     ),
 }
 
 
-def _de_leva(stature: float, rows: _Rows) -> Anthropometry:
-    """Return the mean lengths, in proportion to stature.
+def _de_leva(sex: Sex) -> tuple[Segment, ...]:
+    """Return segments of the mean lengths, in proportion to stature.
 
     The sagittal axis points from back to front in the anatomical position, with the palm forward.
     Here the palm faces the body: the sagittal axis of hand and forearm is x, that of the upper arm,
     which does not rotate with the palm, is y.
     """
-    segments = []
-    for row, rotates_with_palm in zip(rows, (False, True, True), strict=True):
-        length, mass = row[0] / stature, row[1] / 100.0
+    segments, tips = [], (None, None, _HAND_LENGTH)
+    for row, rotates_with_palm, tip in zip(_DE_LEVA[sex], (False, True, True), tips, strict=True):
+        length, mass = row[0] / _STATURE[sex], row[1] / 100.0
         sagittal, transverse, z = (mass * (radius / 100.0 * length) ** 2 for radius in row[3:])
         x, y = (sagittal, transverse) if rotates_with_palm else (transverse, sagittal)
-        segments.append(Segment(mass, (0.0, 0.0, -row[2] / 100.0 * length), (x, y, z)))
-    return Anthropometry(rows[0][0] / stature, rows[1][0] / stature, *segments)
+        centre = (0.0, 0.0, -row[2] / 100.0 * length)
+        segments.append(Segment(mass, centre, (x, y, z), tip or length))
+    return tuple(segments)
 
 
 @dataclass(frozen=True, eq=False)

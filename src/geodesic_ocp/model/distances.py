@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, is_symbolic
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
 
@@ -33,12 +33,11 @@ class LineSegment:
     start: ca.SX
     along: ca.SX
     square: ca.SX
-    is_point: bool
 
     @property
     def ends(self) -> list[ca.SX]:
         """Both ends, of which the minimum of a distance would not be smooth; one of a point."""
-        return [self.start] if self.is_point else [self.start, self.start + self.along]
+        return [self.start] if self.square.is_zero() else [self.start, self.start + self.along]
 
 
 def line_segment(
@@ -49,7 +48,7 @@ def line_segment(
     square = ca.sumsqr(along)  # a simpler expression before the rotation
     if rotation is not None and position is not None:
         start, along = position + rotation @ start, rotation @ along
-    return LineSegment(start, along, square, bool(square.is_zero()))
+    return LineSegment(start, along, square)
 
 
 def segment_distance(one: LineSegment, other: LineSegment) -> ca.SX:
@@ -129,10 +128,8 @@ def signed_distances(
         ValueError: the model, or one of the given links, has no bodies.
     """
     x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
-    expressions: dict[str, Any] = {}
-    for name, body, other in bodies_apart(model, obstacles, links, pairs):
-        for *_, distance in _nearest(model, x, body, other):
-            add_named(expressions, name, distance)
+    named = _nearest_by_name(model, x, bodies_apart(model, obstacles, links, pairs))
+    expressions = {name: distance for name, (_, _, distance) in named.items()}
     if isinstance(q, ca.SX) or not expressions:
         return expressions
     function = ca.Function("signed_distances", [x], [ca.vertcat(*expressions.values())])
@@ -270,21 +267,17 @@ def nearest_points(
     Raises:
         ValueError: an obstacle depends on symbols, or see `signed_distances`.
     """
-    x, expressions = ca.SX.sym("q", model.dof), dict[str, Any]()
-    for name, body, other in bodies_apart(model, obstacles, links, pairs):
-        if has_symbols(other):
-            raise ValueError(f"obstacles must be numbers here, got {other!r}")
-        for nearest in _nearest(model, x, body, other):
-            add_named(expressions, name, ca.vertcat(*nearest))
-    if not expressions:
-        return {}
-    values = evaluate(
-        ca.Function("nearest_points", [x], [ca.vertcat(*expressions.values())]).map(len(q)), q.T
-    )
-    parts = np.split(values.T, len(expressions), axis=1)
+    for obstacle in obstacles:
+        if has_symbols(obstacle):
+            raise ValueError(f"obstacles must be numbers here, got {obstacle!r}")
+    x = ca.SX.sym("q", model.dof)
+    named = _nearest_by_name(model, x, bodies_apart(model, obstacles, links, pairs))
+    outputs = [ca.vertcat(*nearest) for nearest in named.values()]
+    values = ca.Function("nearest_points", [x], outputs).map(len(q)).call([q.T])
+    parts = (np.split(value.full().T, [3, 6], axis=1) for value in values)
     return {
-        name: NearestPoints(part[:, :3], part[:, 3:6], part[:, 6])
-        for name, part in zip(expressions, parts, strict=True)
+        name: NearestPoints(starts, ends, distances[:, 0])
+        for name, (starts, ends, distances) in zip(named, parts, strict=True)
     }
 
 
@@ -296,21 +289,25 @@ def has_symbols(obstacle: Obstacle) -> bool:
     return is_symbolic(body.start, body.end, body.radius)
 
 
-def _nearest(
-    model: Model, q: ca.SX, body: Body, other: Obstacle
-) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Get points on the surface of either (3, 1), and their distance; of a plane, for each end."""
-    one = _segment(model, q, body)
-    if isinstance(other, HalfSpace):
-        normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)
-        starts = [end - body.radius * normal for end in one.ends]
-        return [
-            (start, start - apart * normal, apart)
-            for start, apart in zip(starts, distances, strict=True)
-        ]
-    second = _segment(model, q, other)
-    here, there = (second.start + each for each in _closest_points(one, second))
-    apart = segment_distance(one, second)
-    direction = (there - here) / apart
-    start, end = here + body.radius * direction, there - other.radius * direction
-    return [(start, end, apart - (body.radius + other.radius))]
+def _nearest_by_name(
+    model: Model, q: ca.SX, apart: Sequence[tuple[str, Body, Obstacle]]
+) -> dict[str, tuple[ca.SX, ca.SX, ca.SX]]:
+    """Get points on the surface of either body (3, 1), and their distance; of a plane, for each
+    end.
+    """
+    found: dict[str, tuple[ca.SX, ca.SX, ca.SX]] = {}
+    for name, body, other in apart:
+        one = _segment(model, q, body)
+        if isinstance(other, HalfSpace):
+            normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)
+            for end, distance in zip(one.ends, distances, strict=True):
+                start = end - body.radius * normal
+                add_named(found, name, (start, start - distance * normal, distance))
+            continue
+        second = _segment(model, q, other)
+        here, there = (second.start + each for each in _closest_points(one, second))
+        distance = segment_distance(one, second)
+        direction = (there - here) / distance
+        start, end = here + body.radius * direction, there - other.radius * direction
+        add_named(found, name, (start, end, distance - (body.radius + other.radius)))
+    return found

@@ -27,6 +27,7 @@ from geodesic_ocp.model.joints import without_noise
 
 BACKENDS = ("pinocchio.casadi", "built-in")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
+_VECTORISED = ("frame_pose", "inverse_dynamics")
 NOT_INSTALLED = (
     "the pin wheels on PyPI do not include it; `make pinocchio-casadi` builds it for them, and the"
     " pinocchio of conda-forge includes it"
@@ -164,69 +165,60 @@ class SymbolicFunctions:
     backend: str
     _built: dict[str, ca.Function] = field(default_factory=dict, init=False, repr=False)
 
-    def value(self, name: str, **vectors: Any) -> Any:
-        """Return an algorithm of the back end at q (n,), or at q and v; symbolic if they are."""
-        return evaluate(self._function(name, vectors), *self._checked(**vectors))
+    def value(self, name: str, *options: int, **vectors: Any) -> Any:
+        """Return an algorithm of the back end at q (n,), or at q and v; symbolic if they are.
 
-    def inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Any) -> Any:
-        """Return joint forces at one state, (n,) each, or at several, (k, n) each."""
-        function = self._function("inverse_dynamics", ("q", "v", "a", "gravity"))
-        if is_symbolic(q, v, a, gravity):
-            return function(q, v, a, gravity)
-        fall = as_vector("gravity", gravity, 3)
-        if np.ndim(q) < 2:
-            return evaluate(function, *self._checked(q=q, v=v, a=a), fall)[:, 0]
-        rows = [self._rows(*each, len(q)) for each in zip("qva", (q, v, a), strict=True)]
-        if len(q) == 0:
-            return np.zeros((0, self.pin.nv))
-        return evaluate(function.map(len(q)), *rows, np.tile(fall, (len(q), 1)).T).T
-
-    def jacobian(self, frame: int, q: Any) -> Any:
-        """Return Jacobian (6, n) of a frame: linear, then angular velocity, in base frame axes."""
-        key = f"jacobian_{frame}"
-        if key not in self._built:
-            x = ca.SX.sym("q", self.pin.nv)
-            rotation, position = self._function("frame_pose", "q", frame)(x)
-            columns = [
-                ca.inv_skew(ca.reshape(ca.jacobian(rotation, angle), 3, 3) @ rotation.T)
-                for angle in ca.vertsplit(x)
-            ]
-            jacobian = ca.vertcat(ca.jacobian(position, x), ca.horzcat(*columns))
-            self._built[key] = ca.Function(
-                "hand_jacobian", [x], [ca.densify(ca.cse(jacobian))], ["q"], ["J"]
-            )
-        return evaluate(self._built[key], *self._checked(q=q))
-
-    def pose(self, frame: int, q: Any) -> Any:
-        """Get rotation and position of a frame at one configuration (n,) or at several (k, n)."""
-        function = self._function("frame_pose", "q", frame)
-        if is_symbolic(q) or np.ndim(q) < 2:
-            rotation, position = evaluate(function, *self._checked(q=q))
-            return rotation, position if is_symbolic(q) else position[:, 0]
-        rotations, positions = evaluate(function.map(len(q)), self._rows("q", q, len(q)))
-        return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
+        Those of `_VECTORISED` also take k rows (k, n), and give their matrices stacked (k, ...).
+        """
+        function = self._function(name, vectors, *options)
+        if is_symbolic(*vectors.values()):
+            return evaluate(function, *vectors.values())
+        if np.ndim(vectors["q"]) < 2 or name not in _VECTORISED:
+            sized = [as_vector(key, value, self._size(key)) for key, value in vectors.items()]
+            return evaluate(function, *sized)
+        count = len(vectors["q"])
+        columns = [self._columns(*each, count) for each in vectors.items()]
+        if count == 0:
+            found = [np.zeros((0, *function.size_out(k))) for k in range(function.n_out())]
+        else:
+            outputs = [out.full() for out in function.map(count).call(columns)]
+            found = [out.reshape(len(out), count, -1).transpose(1, 0, 2) for out in outputs]
+        return found[0] if len(found) == 1 else tuple(found)
 
     def _function(self, name: str, arguments: Iterable[str], *options: int) -> ca.Function:
         key = "_".join((name, *map(str, options)))
         if key not in self._built:
-            sizes = {"gravity": 3}
-            symbols = [ca.SX.sym(each, sizes.get(each, self.pin.nv)) for each in arguments]
+            symbols = [ca.SX.sym(each, self._size(each)) for each in arguments]
             built_in = self.backend == "built-in"
             algorithms = rigid_body if built_in else _PinocchioCasadi(_pinocchio_casadi())
-            outputs = getattr(algorithms, name)(self.pin, *symbols, *options)
+            algorithm = getattr(algorithms, "frame_pose" if name == "jacobian" else name)
+            outputs = algorithm(self.pin, *symbols, *options)
+            if name == "jacobian":
+                outputs = _jacobian(*symbols, *outputs)
             listed = list(outputs) if isinstance(outputs, tuple) else [outputs]
             self._built[key] = ca.Function(key, symbols, listed)
         return self._built[key]
 
-    def _rows(self, name: str, values: Any, count: int) -> Array:
-        """Return values (k, n) as columns (n, k)."""
+    def _size(self, name: str) -> int:
+        return 3 if name == "gravity" else self.pin.nv
+
+    def _columns(self, name: str, values: Any, count: int) -> Array:
+        """Return values (k, n), or the same vector (n,) k times, as columns (n, k)."""
+        size = self._size(name)
+        if name == "gravity":
+            return np.tile(as_vector(name, values, size)[:, None], count)
         rows = np.asarray(values, dtype=float)
-        if rows.shape != (count, self.pin.nv) or not np.all(np.isfinite(rows)):
-            wanted = f"(k, {self.pin.nv}) with k = {count}"
+        if rows.shape != (count, size) or not np.all(np.isfinite(rows)):
+            wanted = f"(k, {size}) with k = {count}"
             raise ValueError(f"{name} must be finite, of shape {wanted}, got {rows.shape}")
         return rows.T
 
-    def _checked(self, **vectors: Any) -> list[Any]:
-        if is_symbolic(*vectors.values()):
-            return list(vectors.values())
-        return [as_vector(name, value, self.pin.nv) for name, value in vectors.items()]
+
+def _jacobian(q: ca.SX, rotation: ca.SX, position: ca.SX) -> ca.SX:
+    """Return Jacobian (6, n) of a pose: linear, then angular velocity, in base frame axes."""
+    columns = [
+        ca.inv_skew(ca.reshape(ca.jacobian(rotation, angle), 3, 3) @ rotation.T)
+        for angle in ca.vertsplit(q)
+    ]
+    jacobian = ca.vertcat(ca.jacobian(position, q), ca.horzcat(*columns))
+    return ca.densify(ca.cse(jacobian))

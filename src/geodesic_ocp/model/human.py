@@ -7,7 +7,7 @@ representing, and reproducing human motion on humanoid robots", Humanoids 2014).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 import numpy as np
@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import (
-    Anthropometry,
     Segment,
     Sex,
     Side,
@@ -30,14 +29,14 @@ from geodesic_ocp.model.primitives import Capsule
 DEFAULT_HEIGHT, DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
 _MAX_HEIGHT, _MAX_MASS = 3.0, 1000.0  # [m], [kg]: larger values are probably in other units
 _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  # [height]
-# Winter, Biomechanics and Motor Control of Human Movement, tables of length and density.
-_HAND_LENGTH = 0.108  # [height], to the fingertips
-# The same, table of densities; those of the trunk: abdomen and pelvis, thorax, head and neck.
+# Winter, Biomechanics and Motor Control of Human Movement, table of densities; those of the trunk:
+# abdomen and pelvis, thorax, head and neck.
 _DENSITY = {  # [kg/m^3]
     **{"upper arm": 1070.0, "forearm": 1130.0, "hand": 1160.0},
     **{"abdomen": 1010.0, "thorax": 920.0, "head": 1110.0},
 }
 _JOINTS = {"x": pin.JointModelRX, "y": pin.JointModelRY, "z": pin.JointModelRZ}
+_JOINTS_BEFORE = {"upper arm": ("Sx", "Sz", "Sy"), "forearm": ("Ex", "Ez"), "hand": ("Wx", "Wy")}
 _LIMITS = {  # [rad]
     "RSx": (-1.22173, 3.31613),
     "RSz": (-1.0472, 1.22173),
@@ -68,11 +67,9 @@ def as_stature(height: float, mass: float) -> tuple[float, float]:
     height = as_positive("height", height, "m")
     mass = as_positive("mass", mass, "kg")
     if height > _MAX_HEIGHT or mass > _MAX_MASS:
-        raise ValueError(
-            f"height and mass must be at most {_MAX_HEIGHT:g} m and {_MAX_MASS:g} kg, "
-            f"got {height:g} m and {mass:g} kg"
-            + ("; is the height in cm?" if 50.0 < height < 100.0 * _MAX_HEIGHT else "")
-        )
+        allowed = f"height and mass must be at most {_MAX_HEIGHT:g} m and {_MAX_MASS:g} kg"
+        hint = "; is the height in cm?" if 50.0 < height < 100.0 * _MAX_HEIGHT else ""
+        raise ValueError(f"{allowed}, got {height:g} m and {mass:g} kg{hint}")
     return height, mass
 
 
@@ -131,7 +128,7 @@ def _add_arm(
     parent: int,
     shoulder: pin.SE3,
     side: Side,
-    segments: Anthropometry,
+    segments: Sequence[Segment],
     height: float,
     mass: float,
     hand: str = "hand",
@@ -143,29 +140,24 @@ def _add_arm(
         parent: index of the joint.
         shoulder: its pose in the joint's frame.
         side: "right" or "left".
-        segments: per unit of body height and mass.
+        segments: upper arm, forearm and hand, per unit of body height and mass.
         height, mass: body height [m] and mass [kg].
         hand: name of the frame at the tool centre point. If it is also that of the link, as "right
             hand" is, there is no frame of the link at the wrist.
     """
-    parts = (  # name, joints at its start, length [height], segment
-        ("upper arm", ("Sx", "Sz", "Sy"), segments.upper_arm_length, segments.upper_arm),
-        ("forearm", ("Ex", "Ez"), segments.forearm_length, segments.forearm),
-        ("hand", ("Wx", "Wy"), _HAND_LENGTH, segments.hand),
-    )
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))
     bodies, links, placement = [], [], shoulder
-    for name, joints, length, segment in parts:
+    for (name, joints), segment in zip(_JOINTS_BEFORE.items(), segments, strict=True):
         for joint in joints:
             parent = _add_joint(model, parent, placement, f"{side[0].upper()}{joint}")
             placement = pin.SE3.Identity()
         model.appendBodyToJoint(parent, _inertia(segment, height, mass), placement)
-        link, tip = f"{side} {name}", np.array([0.0, 0.0, -length * height])
+        link, tip = f"{side} {name}", np.array([0.0, 0.0, -segment.length * height])
         frame = tool if link == hand else placement
         if link != hand:
             links.append(pin.Frame(link, parent, frame, pin.FrameType.BODY))
         start, end = (frame.actInv(point) for point in (np.zeros(3), tip))
-        radius = _cylinder_radius(segment.mass * mass, name, length * height)
+        radius = _cylinder_radius(segment.mass * mass, name, segment.length * height)
         bodies.append(Capsule(start, end, radius, link))
         placement = pin.SE3(np.eye(3), tip)
     for frame in (pin.Frame(hand, parent, tool, pin.FrameType.OP_FRAME), *links):
@@ -243,7 +235,7 @@ def human_upper_body(
         return pin.SE3(np.eye(3), np.array([0.0, 0.0, distance * height]))
 
     joints = [0]
-    for name, distance in (("BP", segments.pelvis), ("BT", segments.abdomen_length)):
+    for name, distance in (("BP", segments.pelvis), ("BT", segments.abdomen.length)):
         for axis, offset in (("x", distance), ("z", 0.0), ("y", 0.0)):
             joints.append(_add_joint(person, joints[-1], above(offset), f"{name}{axis}"))
     lumbar, thoracic = joints[3], joints[6]
@@ -251,11 +243,11 @@ def human_upper_body(
     for joint, segment in ((lumbar, segments.abdomen), *((thoracic, each) for each in fixed)):
         person.appendBodyToJoint(joint, _inertia(segment, height, mass), pin.SE3.Identity())
 
-    collar = above(segments.thorax_length)
+    collar = above(segments.thorax.length)
     head = segments.on_thorax[-1]
     spans = (  # link, its joint and frame, its mass, from and to where [height]
-        ("abdomen", lumbar, above(0.0), segments.abdomen, 0.0, segments.abdomen_length),
-        ("thorax", thoracic, collar, segments.thorax, -segments.thorax_length, 0.0),
+        ("abdomen", lumbar, above(0.0), segments.abdomen, 0.0, segments.abdomen.length),
+        ("thorax", thoracic, collar, segments.thorax, -segments.thorax.length, 0.0),
         ("head", thoracic, collar, head, *segments.head),
     )
     bodies = []
@@ -290,9 +282,8 @@ def stature(model: Model) -> float | None:
         )
         if min(upper, fore) <= 0.0:
             continue
-        tables = [anthropometry("right", table, sex) for table, sex in _TABLES]  # type: ignore[arg-type]
-        nearest = min(
-            tables, key=lambda t: abs(np.log(upper / fore * t.forearm_length / t.upper_arm_length))
-        )
-        return (upper + fore) / (nearest.upper_arm_length + nearest.forearm_length)
+        tables = [anthropometry("right", table, sex)[:2] for table, sex in _TABLES]  # type: ignore[arg-type]
+        lengths = [tuple(segment.length for segment in arm) for arm in tables]
+        nearest = min(lengths, key=lambda each: abs(np.log(upper / fore * each[1] / each[0])))
+        return (upper + fore) / sum(nearest)
     return None

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.model.joints import configuration, frame_index, max_reach, motion_subspace
+from geodesic_ocp.model.joints import frame_index, max_reach, motion_subspace
 from geodesic_ocp.model.model import Model
 
 # Values in files are rounded: principal moments below this fraction of the largest are zero.
@@ -33,18 +33,17 @@ def check_inertias(model: pin.Model) -> None:
 
     Every moving link, with all that is fixed to it, must have mass and, if it can rotate, positive
     principal moments of inertia. A link may be massless if a later link of its chain has mass, as
-    between the axes of a shoulder, or if its joint has an inertia of its own (armature).
+    between the axes of a shoulder, or if its joint has an inertia of its own (armature). The model
+    has one coordinate per joint, as `Model.pin`.
 
     Raises:
         ValueError: names the link and what is wrong with its inertia.
     """
-    carried = _carried_masses(model)
     rotates = [False] * model.njoints
     for index in range(1, model.njoints):
-        body, joint = model.inertias[index], model.names[index]
+        body, link = model.inertias[index], _link_of(model, index)
         angular = motion_subspace(model, index)[3:]
         rotates[index] = rotates[model.parents[index]] or bool(np.any(angular))
-        link = _link_of(model, index)
         if not np.all(np.isfinite(body.toDynamicParameters())):
             raise ValueError(f"link {link!r}: the inertia is not finite")
         if body.mass < 0.0:
@@ -54,21 +53,9 @@ def check_inertias(model: pin.Model) -> None:
         least = _ROUNDING * moments[-1] if body.mass > 0.0 else -_ROUNDING * moments[-1]
         if rotates[index] and (moments[0] < least or (body.mass > 0.0 and moments[-1] <= 0.0)):
             listed = ", ".join(f"{moment:.3g}" for moment in moments)
-            what = (
-                f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive definite"
-            )
+            what = f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive"
             raise ValueError(f"{what} definite: principal moments {listed} kg m^2")
-        if carried[index] <= 0.0 and not model.armature[model.joints[index].idx_v]:
-            raise ValueError(
-                f"link {link!r} moves with joint {joint!r}, but neither it nor any later link "
-                "has mass, and the joint has no armature"
-            )
     _check_mass_matrix(model)
-
-
-def _carried_masses(model: pin.Model) -> Array:
-    """Return mass [kg] that each joint moves: its own link and all later links."""
-    return np.array([sum(model.inertias[each].mass for each in tree) for tree in model.subtrees])
 
 
 def _link_of(model: pin.Model, index: int) -> str:
@@ -87,7 +74,7 @@ def _check_mass_matrix(model: pin.Model) -> None:
     weightless.gravity = pin.Motion.Zero()
     still, idle = np.zeros(model.nv), np.zeros(model.nv)
     for _ in range(_NUM_CONFIGURATIONS):
-        q = configuration(model, rng.uniform(-1.5, 1.5, model.nv))
+        q = rng.uniform(-1.5, 1.5, model.nv)
         # Not crba, which omits entries if joints are not numbered depth first.
         columns = [pin.rnea(weightless, data, q, still, unit) for unit in np.eye(model.nv)]
         sizes = np.sqrt(np.maximum(np.diag(columns), np.finfo(float).tiny))
@@ -96,9 +83,11 @@ def _check_mass_matrix(model: pin.Model) -> None:
             return
         idle = np.maximum(idle, np.abs(vectors[:, 0]))
     index = int(np.argmax(idle)) + 1
+    has_mass = any(model.inertias[each].mass > 0.0 for each in model.subtrees[index])
+    why = "that moves no mass" if has_mass else "neither it nor any later link has mass"
     raise ValueError(
-        f"link {_link_of(model, index)!r}: the mass matrix is singular in every configuration, as "
-        f"joint {model.names[index]!r} can move without moving any mass, and has no armature"
+        f"link {_link_of(model, index)!r} moves with joint {model.names[index]!r}, but {why}, and "
+        "the joint has no armature: the mass matrix is singular in every configuration"
     )
 
 
@@ -115,13 +104,13 @@ class RobotArmature(ShortRepr):
     source: str
 
 
-# Patterns of names of joints and of their robots: value [kg m^2] and its source.
-_KNOWN = {
-    (r"panda_joint[1-7]$", ""): (0.1, _PANDA),
-    (_UR, r"^ur5e\b"): (0.1, _UR5E),
-    (_UR, r"^ur5\b"): (0.1, f"that of its successor UR5e: {_UR5E}"),
-    ("", r"^human (left|right) arm\b"): (0.0, "a person's arm has no rotors"),
-}
+# Patterns of names of joints and of their robots, value [kg m^2] and its source.
+_KNOWN = (
+    (r"panda_joint[1-7]$", "", 0.1, _PANDA),
+    (_UR, r"^ur5e\b", 0.1, _UR5E),
+    (_UR, r"^ur5\b", 0.1, f"that of its successor UR5e: {_UR5E}"),
+    ("", r"^human (left|right) arm\b", 0.0, "a person's arm has no rotors"),
+)
 
 
 def robot_armature(model: Model) -> RobotArmature:
@@ -139,16 +128,13 @@ def robot_armature(model: Model) -> RobotArmature:
         return RobotArmature(model.armature, "the model")
     values, sources = np.zeros(model.dof), []
     default = f"default of {DEFAULT_ARMATURE:g} kg m^2"
+    entries = [entry for entry in _KNOWN if re.search(entry[1], model.name)]
     for row, (joint, unit) in enumerate(zip(model.joint_names, model.units, strict=True)):
-        for (of_joint, of_robot), known in _KNOWN.items():
-            if re.search(of_robot, model.name) and re.search(of_joint, joint):
-                values[row], source = known
-                break
-        else:
-            values[row], source = DEFAULT_ARMATURE, default
-            if unit == "m":
-                values[row] /= model.reach**2
-                source = f"{default} / reach^2 = {values[row]:.3g} kg"
+        known = [entry[2:] for entry in entries if re.search(entry[0], joint)]
+        values[row], source = known[0] if known else (DEFAULT_ARMATURE, default)
+        if unit == "m" and not known:
+            values[row] /= model.reach**2
+            source = f"{default} / reach^2 = {values[row]:.3g} kg"
         sources.append(source)
     values.flags.writeable = False
     return RobotArmature(values, "; ".join(dict.fromkeys(sources)))
@@ -194,31 +180,23 @@ def inertia_scale(model: Model) -> Array:
     Of a model with several hands, the joints that move the same hands belong together, such as
     those of an arm or of the trunk: mass and reach are those from the first of them on.
     """
-    result, masses = [], _carried_masses(model.pin)
-    found = dict[tuple[int, tuple[int, ...]], float]()
+    result, several, whole = [], len(model.hands) > 1, model.pin
+    masses = [sum(whole.inertias[each].mass for each in tree) for tree in whole.subtrees]
+    frames = [frame_index(whole, hand) for hand in model.hands]
+    carriers = {frame: list(whole.supports[whole.frames[frame].parentJoint]) for frame in frames}
+    # For each joint the frames of the hands that it moves, if there are several.
+    moved = [
+        tuple(frame for frame in frames if several and joint in carriers[frame])
+        for joint in range(whole.njoints)
+    ]
+    reaches: dict[tuple[int, ...], float] = {(): model.reach}
     for joint, unit in enumerate(model.units, start=1):
-        chain = list(model.pin.supports[joint])[1:]
-        hands = _hands_behind(model, joint) if len(model.hands) > 1 else ()
+        chain, hands = list(whole.supports[joint])[1:], moved[joint]
         # The first joint of the tree, or of those that move the same hands.
-        start = next(each for each in chain if not hands or _hands_behind(model, each) == hands)
-        if (start, hands) not in found:
+        start = next(each for each in chain if not hands or moved[each] == hands)
+        if hands not in reaches:
             origin = None if start == chain[0] else start
-            found[start, hands] = (
-                model.reach
-                if not hands
-                else max(
-                    max_reach(model.pin, hand, model.lower, model.upper, origin) for hand in hands
-                )
-            )
-        result.append(masses[start] * (found[start, hands] ** 2 if unit == "rad" else 1.0))
+            limits = model.lower, model.upper
+            reaches[hands] = max(max_reach(whole, hand, *limits, origin) for hand in hands)
+        result.append(masses[start] * (reaches[hands] ** 2 if unit == "rad" else 1.0))
     return np.array(result)
-
-
-def _hands_behind(model: Model, joint: int) -> tuple[int, ...]:
-    """Return frames of the hands that a joint moves."""
-    frames = [frame_index(model.pin, hand) for hand in model.hands]
-    return tuple(
-        frame
-        for frame in frames
-        if joint in list(model.pin.supports[model.pin.frames[frame].parentJoint])
-    )

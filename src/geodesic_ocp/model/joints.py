@@ -34,25 +34,11 @@ def motion_subspace(model: pin.Model, index: int) -> Array:
     """
     joint = model.joints[index]
     if joint.nv != 1 or joint.shortname() == "JointModelMimic":
-        raise ValueError(
-            f"joint {model.names[index]!r} is a {joint.shortname()}; "
-            "only joints with one degree of freedom of their own can be used"
-        )
+        wanted = "only joints with one degree of freedom of their own can be used"
+        raise ValueError(f"joint {model.names[index]!r} is a {joint.shortname()}; {wanted}")
     data = joint.createData()
     joint.calc(data, pin.neutral(model))
     return np.array(data.S, dtype=float).reshape(6)
-
-
-def configuration(model: pin.Model, q: Array) -> Array:
-    """Return Pinocchio's configuration vector (nq,) for the joint coordinates q (nv,).
-
-    They differ for continuous joints, which Pinocchio stores as cosine and sine of the angle.
-    """
-    entries: list[float] = []
-    for joint in list(model.joints)[1:]:
-        coordinate = q[joint.idx_v]
-        entries += [coordinate] if joint.nq == 1 else [np.cos(coordinate), np.sin(coordinate)]
-    return np.array(entries, dtype=float)
 
 
 def with_distinct_frames(*models: pin.Model) -> tuple[list[pin.Model], dict[str, str]]:
@@ -97,7 +83,8 @@ def frame_index(model: pin.Model, name: str) -> int:
     """Return index of the frame of that name; the link's, if a link and a joint share the name."""
     named = [number for number, frame in enumerate(model.frames) if frame.name == name]
     if not named:
-        raise ValueError(f"the model has no frame {name!r}")
+        known = ", ".join(frame.name for frame in model.frames)
+        raise ValueError(f"the model has no frame {name!r}; its frames are {known}")
     bodies = [number for number in named if model.frames[number].type == pin.FrameType.BODY]
     return (bodies or named)[-1]
 

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, real_array
-from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
 _COINCIDE = 1e-12  # [m]
@@ -128,7 +128,18 @@ class LinkGeometry:
         Raises:
             ValueError: a mesh is missing or cannot be read, or no capsule encloses a shape.
         """
-        self._check()
+        root = ET.fromstring(self.text)
+        for each in root.iterfind("link"):
+            for shape in each.iterfind("collision"):
+                kinds = [child.tag for child in shape.iterfind("geometry/*")]
+                if len(kinds) != 1 or kinds[0] not in _SUPPORTED:
+                    raise ValueError(
+                        f"{self.name}: the collision geometry of {each.get('name')!r} is "
+                        f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_SUPPORTED)}"
+                    )
+        for mesh in root.iterfind("asset/mesh"):
+            if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
+                raise ValueError(f"{self.name}: refpos and refquat of a mesh are not supported")
         try:
             found = list(self._shapes(pin.GeometryType.COLLISION))
         except Exception as error:
@@ -158,19 +169,6 @@ class LinkGeometry:
                 frame = self.pin.frames[each.parentFrame]
                 yield each, frame.placement.actInv(each.placement), str(frame.name)
 
-    def _check(self) -> None:
-        root = ET.fromstring(self.text)
-        for link, shape in _shapes_of_urdf(root):
-            kinds = [child.tag for child in shape.iterfind("geometry/*")]
-            if len(kinds) != 1 or kinds[0] not in _SUPPORTED:
-                raise ValueError(
-                    f"{self.name}: the collision geometry of {link.get('name')!r} is "
-                    f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_SUPPORTED)}"
-                )
-        for mesh in root.iterfind("asset/mesh"):
-            if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
-                raise ValueError(f"{self.name}: refpos and refquat of a mesh are not supported")
-
     def _geometry(self, kind: pin.GeometryType) -> pin.GeometryModel:
         if self.text.lstrip().startswith("<mujoco"):
             with tempfile.TemporaryDirectory() as scratch:
@@ -178,44 +176,23 @@ class LinkGeometry:
                 written.write_text(self.text, encoding="utf-8")
                 return pin.buildGeomFromMJCF(self.pin, str(written), kind)
         folders = [] if self.folder is None else [self.folder, *self.folder.parents]
-        root, capsules = ET.fromstring(self.text), []
-        tag = "visual" if kind == pin.GeometryType.VISUAL else "collision"
-        for link, shape in _shapes_of_urdf(root, tag):
-            # urdfdom does not know capsules, and would drop all shapes of the link.
-            if (element := shape.find("geometry/capsule")) is not None:
-                capsules.append(_capsule(str(link.get("name")), shape, element))
-                link.remove(shape)
+        root, capsules = ET.fromstring(self.text), {"visual": set[str](), "collision": set[str]()}
+        for link, (tag, names) in product(root.iterfind("link"), capsules.items()):
+            for number, shape in enumerate(link.iterfind(tag)):
+                # urdfdom does not know capsules, and would drop all shapes of the link.
+                if (capsule := shape.find("geometry/capsule")) is not None:
+                    capsule.tag = "cylinder"
+                    names.add(f"{link.get('name')}_{number}")
         text = ET.tostring(root, encoding="unicode")
         package_dirs = [str(each) for each in folders]
         geometry = pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=package_dirs)
-        for number, (form, at_link, name) in enumerate(map(shape_of, capsules)):
-            index = frame_index(self.pin, name)
-            frame = self.pin.frames[index]
-            place = frame.placement * at_link
-            added = pin.GeometryObject(f"capsule {number}", frame.parentJoint, index, place, form)
-            added.meshColor = np.array([*GREY, 1.0])
-            geometry.addGeometryObject(added)
+        for name in capsules[kind.name.lower()]:
+            if not geometry.existGeometryName(name):
+                raise ValueError(f"the capsule of {name.rpartition('_')[0]!r} is not complete")
+            each = geometry.geometryObjects[geometry.getGeometryId(name)]
+            radius, length = each.geometry.radius, 2.0 * each.geometry.halfLength
+            each.geometry = pin.coal.Capsule(radius, length)  # the length excludes the caps
         return geometry
-
-
-def _capsule(link: str, shape: ET.Element, capsule: ET.Element) -> Capsule:
-    """Return a capsule of a URDF: along z, centred at its origin; the length excludes the caps."""
-    origin = shape.find("origin")
-    position, angles = (
-        np.array(["0", "0", "0"] if origin is None else origin.get(key, "0 0 0").split(), float)
-        for key in ("xyz", "rpy")
-    )
-    length, radius = (float(capsule.get(key, "nan")) for key in ("length", "radius"))
-    along = pin.rpy.rpyToMatrix(angles)[:, 2] * length / 2.0
-    return Capsule(tuple(position - along), tuple(position + along), radius, link)
-
-
-def _shapes_of_urdf(
-    root: ET.Element, tag: str = "collision"
-) -> list[tuple[ET.Element, ET.Element]]:
-    """Return links of a URDF and their collision or visual shapes; empty for other formats."""
-    links = root.findall("link") if root.tag == "robot" else []
-    return [(link, shape) for link in links for shape in link.findall(tag)]
 
 
 def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:

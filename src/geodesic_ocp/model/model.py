@@ -194,14 +194,15 @@ class Model:
 
         For k states (k, n): (k, n). `gravity`: of free fall, in axes of the base (3,) [m/s^2].
         """
-        return self._functions.inverse_dynamics(q, v, a, gravity)
+        force = self._functions.value("inverse_dynamics", q=q, v=v, a=a, gravity=gravity)
+        return force if is_symbolic(q, v, a, gravity) else force[..., 0]
 
     def hand_pose(self, q: Any) -> Any:
         """Return rotation (3, 3) and position (3,) [m] of the hand frame in the base frame.
 
         For k configurations (k, n): rotations (k, 3, 3) and positions (k, 3).
         """
-        return self._functions.pose(self._hand_id, q)
+        return self._pose(self._hand_id, q)
 
     def frame_pose(self, frame: str, q: Any) -> Any:
         """Return pose of any frame of `pin`, in the form of `hand_pose`.
@@ -209,7 +210,11 @@ class Model:
         Raises:
             ValueError: there is no such frame.
         """
-        return self._functions.pose(frame_index(self.pin, frame), q)
+        return self._pose(frame_index(self.pin, frame), q)
+
+    def _pose(self, frame: int, q: Any) -> Any:
+        rotation, position = self._functions.value("frame_pose", frame, q=q)
+        return rotation, position if is_symbolic(q) else position[..., 0]
 
     def moves(self, frame: str) -> bool:
         """Return whether any of the joints moves the frame.
@@ -231,7 +236,7 @@ class Model:
         """Return Jacobian (6, n) of the hand: linear [m], then angular velocity, in base frame
         axes.
         """
-        return self._functions.jacobian(self._hand_id, q)
+        return self._functions.value("jacobian", self._hand_id, q=q)
 
     def potential_energy(self, q: Any) -> Any:
         """Return gravitational potential energy V(q) [J], zero at the height of the base."""
@@ -366,9 +371,7 @@ def _as_hands(model: pin.Model, hand: str, hands: Sequence[str]) -> tuple[str, .
     """
     names = (hand,) if isinstance(hands, str) or not hands else tuple(hands)
     for name in (hand, *names):
-        if not isinstance(name, str) or not model.existFrame(name):
-            known = ", ".join(frame.name for frame in model.frames)
-            raise ValueError(f"the model has no frame {name!r}; its frames are {known}")
+        frame_index(model, name)
     if hand not in names or len(set(names)) < len(names):
         raise ValueError(f"hands must differ and include the hand {hand!r}, got {', '.join(names)}")
     return names

@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from gadget import MJCF, urdf
+from installed_robots import known_robot
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.mjcf import mjcf_text
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.model.formats.robots import ROBOTS
 
 mujoco = pytest.importorskip("mujoco")
-
-
-def robot(name: str) -> go.Model:
-    package = ROBOTS[name].package if name in ROBOTS else "example-robot-data"
-    if folder(package) is None:
-        pytest.skip(f"{package} is not installed (make robots)")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # about faults of the files
-        if name == "tiago":  # with its lift
-            return go.load_model("tiago", hand="arm_7_link").with_bodies()
-        return go.load_model(name).with_bodies()
 
 
 def both_arms() -> go.Model:
@@ -35,7 +24,7 @@ def both_arms() -> go.Model:
 
 
 MODELS: dict[str, Callable[[], go.Model]] = {
-    **{name: lambda name=name: robot(name) for name in (*ROBOTS, "tiago")},
+    **{name: lambda name=name: known_robot(name).with_bodies() for name in (*ROBOTS, "tiago")},
     "both arms, one with a load": both_arms,
     "URDF": lambda: go.load_model(urdf(), hand="grip"),
     "MJCF": lambda: go.load_model(MJCF, hand="tip", base="trunk"),
@@ -51,7 +40,9 @@ def test_mujoco_agrees_with_pinocchio(name: str, rng: np.random.Generator) -> No
     """
     model = MODELS[name]()
     gravity = rng.normal(size=3) * 6.0
-    native = mujoco.MjModel.from_xml_string(mjcf_text(model, gravity))
+    native = mujoco.MjModel.from_xml_string(mjcf_text(model))
+    assert_allclose(native.opt.gravity, model.pin.gravity.linear, rtol=0, atol=0)
+    native.opt.gravity[:] = gravity
     native.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     state = mujoco.MjData(native)
     rows = [native.joint(joint).dofadr[0] for joint in model.joint_names]
@@ -82,9 +73,8 @@ def test_limits_and_motors_are_those_of_the_model() -> None:
         assert bool(native.joint(joint).limited[0]) is limited
         if limited:
             assert_allclose(native.joint(joint).range, [lower, upper], rtol=0, atol=1e-15)
-    strong = mujoco.MjModel.from_xml_string(mjcf_text(model, torque=[2.0, 3.0, np.inf, 5.0]))
-    assert strong.actuator_ctrlrange[:, 1].tolist() == [2.0, 3.0, 0.0, 5.0]
-    assert strong.actuator_ctrllimited.tolist() == [True, True, False, True]
+    unlimited = mujoco.MjModel.from_xml_string(mjcf_text(go.human_arm()))
+    assert not unlimited.actuator_ctrllimited.any()
 
 
 def test_it_is_read_again_as_the_same_model(rng: np.random.Generator) -> None:
@@ -117,8 +107,3 @@ def test_what_mjcf_does_not_have_is_named() -> None:
     native.addFrame(pin.Frame("tip", joint, pin.SE3.Identity(), pin.FrameType.BODY))
     with pytest.raises(ValueError, match="joint 'screw' is a screw"):
         mjcf_text(go.Model(native, "tip"))
-    arm = go.human_arm("right")
-    with pytest.raises(ValueError, match="torque must be 7 positive numbers"):
-        mjcf_text(arm, torque=[1.0, 2.0])
-    with pytest.raises(ValueError, match=r"gravity must have shape \(3,\)"):
-        mjcf_text(arm, gravity=[0.0, -9.81])

@@ -12,7 +12,8 @@ from gadget import MIMIC, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.robots import ROBOTS, folder, srdf_armature
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.model.formats.urdf import srdf_armature
 
 DRAKE = (
     '<transmission name="t{joint}" xmlns:drake="http://drake.mit.edu"><joint name="{joint}"/>'

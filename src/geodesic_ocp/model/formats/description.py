@@ -149,44 +149,38 @@ def _locked_configuration(
 ) -> Array:
     """Return Pinocchio's configuration (nq,) of the locked joints; the others are neutral."""
     model = description.pin
-    q: Array = pin.neutral(model)
-    limits = np.column_stack([model.lowerPositionLimit, model.upperPositionLimit])
-    values = {str(name): 0.0 for name in list(model.names)[1:]}
+    joints = dict(zip(list(model.names)[1:], list(model.joints)[1:], strict=True))
     if not isinstance(configuration, Mapping):
         raise ValueError(f"configuration must map names of joints to values, got {configuration!r}")
     for name, value in configuration.items():
-        if name not in values or name in moving:
-            why = "moves" if name in values else f"is not a joint of {model.name!r}"
-            raise ValueError(f"configuration: {name!r} {why}")
-        as_number(f"configuration: {name!r}", value)
-    locked = {
-        str(name): joint
-        for name, joint in list(zip(model.names, model.joints, strict=True))[1:]
-        if name not in moving
-    }
-    for name, joint in locked.items():
-        if joint.nv != 1 and name in configuration:
-            raise ValueError(f"configuration: {name!r} is a {joint.shortname()}, not one number")
+        location = f"configuration: {name!r}"
+        if name not in joints or name in moving:
+            why = "moves" if name in joints else f"is not a joint of {model.name!r}"
+            raise ValueError(f"{location} {why}")
+        as_number(location, value)
+        if joints[name].nv != 1:
+            raise ValueError(f"{location} is a {joints[name].shortname()}, not one number")
+    values = {}
+    for name, joint in joints.items():
         lower, upper = -np.inf, np.inf
         if joint.nq == 1:
-            lower, upper = limits[joint.idx_q]
+            row = joint.idx_q
+            lower, upper = model.lowerPositionLimit[row], model.upperPositionLimit[row]
         default = np.clip(0.0, lower, upper) if lower <= upper else 0.0
         values[name] = value = float(configuration.get(name, default))
-        if name in configuration and not (
-            lower - _LIMIT_TOLERANCE <= value <= upper + _LIMIT_TOLERANCE
-        ):
-            raise ValueError(
-                f"configuration: {name!r} = {value:.6g} lies outside its limits {lower:.6g} to "
-                f"{upper:.6g}"
-            )
+        within = lower - _LIMIT_TOLERANCE <= value <= upper + _LIMIT_TOLERANCE
+        if name in configuration and not within:
+            outside = f"lies outside its limits {lower:.6g} to {upper:.6g}"
+            raise ValueError(f"configuration: {name!r} = {value:.6g} {outside}")
     free = {name: mimic for name, mimic in description.mimics.items() if name not in configuration}
-    values = apply_mimics(free, values)
-    for name, joint in locked.items():
-        if joint.nv == 1:
-            value = values[name]
-            coordinates = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+    apply_mimics(free, values)
+    q = pin.neutral(model)
+    for name, joint in joints.items():
+        if joint.nv == 1 and name not in moving:
+            angle = values[name]
+            coordinates = [angle] if joint.nq == 1 else [np.cos(angle), np.sin(angle)]
             q[joint.idx_q : joint.idx_q + joint.nq] = coordinates
-    return q
+    return np.asarray(q)
 
 
 def change_base(model: pin.Model, base: str) -> pin.Model:

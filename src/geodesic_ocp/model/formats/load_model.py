@@ -34,9 +34,8 @@ from geodesic_ocp.model.formats.robots import (
     folder,
     locate,
     on_demand,
-    set_armature,
-    srdf_armature,
 )
+from geodesic_ocp.model.formats.urdf import set_armature, srdf_armature
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.inertias import check_inertias
 from geodesic_ocp.model.joints import DEFAULT_LIMIT, frame_index, motion_subspace
@@ -112,12 +111,13 @@ def load_model(
         model = change_base(model, base)
     if model.frames[frame_index(model, hand)].parentJoint == 0:
         raise ValueError(f"hand {hand!r} does not move with any of the joints {_known(moving)}")
-    check_inertias(model)
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
     of_file = model.armature.any() and not isinstance(source, pin.Model)
     origin, continuous = "the file" if of_file else "", _limit_unlimited(model)
-    return Model(model, hand, backend, continuous, description.shapes, armature_from=origin)
+    loaded = Model(model, hand, backend, continuous, description.shapes, armature_from=origin)
+    check_inertias(loaded.pin)
+    return loaded
 
 
 def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
@@ -229,12 +229,12 @@ def catalogue() -> Iterator[str]:
         in_use = choose_backend()
         yield "human_arm(side, height, mass), here for 1.75 m and 70 kg"
         for side in get_args(Side):
-            yield from _summary(side, human_arm(side, backend=in_use))
+            yield from _with_joints(side, human_arm(side, backend=in_use))
         installed = [name for name in ROBOTS if folder(ROBOTS[name].package) is not None]
         if installed:
             yield "load_model(name)"
         for name in installed:
-            yield from _summary(name, load_model(name, backend=in_use))
+            yield from _with_joints(name, load_model(name, backend=in_use))
     if absent := [name for name in ROBOTS if name not in installed]:
         packages = sorted({ROBOTS[name].package for name in absent})
         yield f"not available without {' and '.join(packages)}:"
@@ -257,10 +257,13 @@ def catalogue() -> Iterator[str]:
     yield f"the environment variable {ENVIRONMENT_VARIABLE} selects another one"
 
 
-def _summary(name: str, model: Model) -> Iterator[str]:
-    values = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    inertia = model.describe_armature()
-    yield f"  {name:20} {values}{inertia and ', '}{inertia}"
+def _summary(name: str, model: Model, more: str) -> str:
+    values = f"{model.dof:2} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
+    return f"  {name} {values}{more and ', '}{more}"
+
+
+def _with_joints(name: str, model: Model) -> Iterator[str]:
+    yield _summary(f"{name:19}", model, model.describe_armature())
     yield from _wrapped(model.joint_names, indent="    ")
 
 
@@ -286,9 +289,8 @@ def _longest_chain(name: str, backend: str) -> Iterator[str]:
         except ValueError as error:
             reason = f"  {name:26} cannot be loaded: {error}"
             yield from textwrap.wrap(reason, _WIDTH, subsequent_indent="    ")
-            return
-    values = f"{model.dof:2} DoF, {model.mass:6.2f} kg, reach {model.reach:.2f} m"
-    yield f"  {name:26} {values}, hand={model.hand!r}"
+        else:
+            yield _summary(f"{name:26}", model, f"hand={model.hand!r}")
 
 
 def _wrapped(names: Sequence[str], indent: str = "  ") -> list[str]:

@@ -17,9 +17,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
-from geodesic_ocp.model.formats.robots import ACTUATORS, effort_limits
-from geodesic_ocp.model.formats.urdf import Mimic
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.formats.urdf import Mimic, floats
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import as_capsule
@@ -31,35 +30,31 @@ _ROOT = "world of bodies"
 _ELEMENTS = ("attach", "replicate", "composite", "flexcomp", "frame")
 _COMPILER = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange", "balanceinertia")
 _JOINTS = ("hinge", "slide", "ball", "free")
+# All are short forms of <general>, and share its defaults.
+_ACTUATORS = (
+    *("general", "motor", "position", "velocity", "intvelocity"),
+    *("damper", "cylinder", "muscle", "adhesion"),
+)
+_UNLIMITED = np.array([-np.inf, np.inf])
 _Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute -> value
 
 
-def mjcf_text(
-    model: Model, gravity: ArrayLike | None = None, torque: ArrayLike | None = None
-) -> str:
+def mjcf_text(model: Model) -> str:
     """Return the model as the text of an MJCF file, in the axes of its base.
 
     Every joint with the links that move with it is a body with its inertia, armature and limits;
     continuous joints have no limits. The links and the hand are sites, `Model.bodies` are geoms of
-    the group 3, and every joint has a motor. A massless link weighs 1e-12 kg.
-
-    Args:
-        model: the robot; its joints are revolute or prismatic.
-        gravity: acceleration of free fall in the axes of the base (3,) [m/s^2]; None: the model's.
-        torque: largest magnitudes (n,) that the motors exert [N m or N]; None: the limits of the
-            model's file. Infinite for no limit.
+    the group 3, and every joint has a motor with the torque limits of the model's file. A massless
+    link weighs 1e-12 kg.
 
     Raises:
-        ValueError: a joint is a screw, wrong shapes, or the collision geometry cannot be read.
+        ValueError: a joint is a screw, or the collision geometry cannot be read.
     """
     native = model.pin
-    fall = native.gravity.linear if gravity is None else as_vector("gravity", gravity, 3)
     root = ET.Element("mujoco", model=model.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ET.SubElement(root, "option", gravity=_text(fall))
-    world = ET.SubElement(root, "worldbody")
-    names = _body_names(native)
-    bodies = {0: world}
+    ET.SubElement(root, "option", gravity=_text(native.gravity.linear))
+    names, bodies = _body_names(native), {0: ET.SubElement(root, "worldbody")}
     for index in range(1, native.njoints):
         placement = native.jointPlacements[index]
         parent = bodies[native.parents[index]]
@@ -77,22 +72,13 @@ def mjcf_text(
         if native.parents[index] == 0:
             ET.SubElement(contact, "exclude", body1="world", body2=names[index])
     actuators = ET.SubElement(root, "actuator")
-    for joint, limits in zip(model.joint_names, _torque_ranges(model, torque), strict=True):
+    torques = np.column_stack([native.lowerEffortLimit, native.upperEffortLimit])
+    for joint, limits in zip(model.joint_names, torques, strict=True):
         motor = ET.SubElement(actuators, "motor", name=joint, joint=joint)
         if np.all(np.isfinite(limits)):
             motor.set("ctrlrange", _text(limits))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _torque_ranges(model: Model, torque: ArrayLike | None) -> Array:
-    """Return smallest and largest torque of each joint, (n, 2)."""
-    if torque is None:
-        return np.column_stack([model.pin.lowerEffortLimit, model.pin.upperEffortLimit])
-    largest = np.array(torque, dtype=float)
-    if largest.shape != (model.dof,) or not np.all(largest > 0.0):
-        raise ValueError(f"torque must be {model.dof} positive numbers, got {torque!r}")
-    return np.column_stack([-largest, largest])
 
 
 def _body_names(native: pin.Model) -> dict[int, str]:
@@ -183,29 +169,18 @@ def mjcf_model(
         if gravity := option.get("gravity"):
             model.gravity = pin.Motion(np.array(gravity.split(), dtype=float), np.zeros(3))
     model.name = root.get("model", name.rsplit(".", 1)[0])
-    for joint in root.iter("joint"):
-        if joint.get("limited") == "false" and joint.get("name") in model.names:
-            start = model.joints[model.getJointId(joint.get("name"))].idx_q
-            model.lowerPositionLimit[start] = -np.inf
-            model.upperPositionLimit[start] = np.inf
-    for driven, (lower, upper) in effort_limits(root, name).items():
+    for driven, (lower, upper) in _effort_limits(root, name).items():
         if model.existJointName(driven):
             row = model.joints[model.getJointId(driven)].idx_v
             model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
     mimics, warnings = _equalities(root, name)
-    if folder is not None:
-        _make_mesh_folders_absolute(root, folder.absolute())
+    if folder is not None:  # the text can be read from any folder
+        compiler = root.find("compiler")
+        if compiler is None:
+            compiler = ET.SubElement(root, "compiler")
+        meshes = compiler.get("meshdir", compiler.get("assetdir", ""))
+        compiler.set("meshdir", str(folder.absolute() / meshes))
     return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
-
-
-def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
-    """Let the text be read from any folder."""
-    compiler = root.find("compiler")
-    if compiler is None:
-        compiler = ET.SubElement(root, "compiler")
-    compiler.attrib.setdefault("meshdir", compiler.get("assetdir", ""))
-    for key in {"meshdir", "assetdir"} & compiler.attrib.keys():
-        compiler.set(key, str(folder / compiler.get(key, "")))
 
 
 def _include(
@@ -254,7 +229,7 @@ def _apply_defaults(root: ET.Element, name: str) -> None:
         for child in default:
             if child.tag == "default":
                 continue
-            for tag in ACTUATORS if child.tag in ACTUATORS else (child.tag,):
+            for tag in _ACTUATORS if child.tag in _ACTUATORS else (child.tag,):
                 defaults[own][tag].update(child.attrib)
         for child in default.iterfind("default"):
             collect(child, own)
@@ -313,6 +288,8 @@ def _rewrite(root: ET.Element, name: str) -> None:
             *axis, angle = _numbers(given, 4, f"{name}: axisangle")
             length = float(np.linalg.norm(axis)) or 1.0
             element.set("axisangle", _text([*(number / length for number in axis), angle]))
+        if element.tag == "joint" and element.get("limited") == "false":
+            element.attrib.pop("range", None)  # Pinocchio would apply it
         if degrees and element.tag == "joint" and element.get("type") == "slide":
             location = f"{name}: range of joint {element.get('name')!r}"
             # Pinocchio reads it as degrees.
@@ -331,12 +308,9 @@ def _rewrite(root: ET.Element, name: str) -> None:
 
 def _numbers(text: str, count: int, location: str) -> list[float]:
     """Return the numbers in a text: as many as the count, any if it is 0."""
-    try:
-        numbers = [float(number) for number in text.split()]
-    except ValueError:
-        numbers = []
-    wanted = f"{count} numbers" if count else "numbers"
+    numbers = floats(text)
     if not numbers or (count and len(numbers) != count):
+        wanted = f"{count} numbers" if count else "numbers"
         raise ValueError(f"{location} must be {wanted}, is {text!r}")
     return numbers
 
@@ -353,6 +327,72 @@ def _give_each_joint_a_body(body: ET.Element) -> None:
         body[:] = [joint, inner]
         body.set("name", f"{body.get('name', '')}/{joint.get('name', '')}")
         body = inner
+
+
+def _effort_limits(root: ET.Element, name: str) -> dict[str, Array]:
+    """Return smallest and largest torque [N m] or force [N] of each driven joint, by its name.
+
+    That of an actuator lies within its force range, and that of a motor within its control range
+    times its gain, each times its gear ratio; the actuators of a joint add up. The joint's own
+    actuatorfrcrange limits the sum. Joints without an actuator or such a range are left out.
+
+    Args:
+        root: the element <mujoco>, whose default classes have been applied.
+        name: name of the file, for messages.
+
+    Raises:
+        ValueError: a range is not two increasing numbers, or a gear ratio or gain is not a number.
+    """
+    compiler = root.find("compiler")
+    automatic = compiler is None or compiler.get("autolimits", "true") == "true"
+    found: dict[str, Array] = {}
+    for actuator in root.iterfind("actuator/*"):
+        joint = actuator.get("joint") or actuator.get("jointinparent")
+        if joint is None or actuator.tag not in _ACTUATORS:
+            continue
+        location = f"{name}: the <{actuator.tag}> of joint {joint!r}"
+        if gear := _first(actuator, "gear", location):
+            limits = np.sort(gear * _force_range(actuator, automatic, location))
+            found[joint] = found.get(joint, np.zeros(2)) + limits
+    for element in root.iter("joint"):
+        joint = element.get("name", "")
+        own = _range(element, "actuatorfrc", automatic, f"{name}: joint {joint!r}")
+        if np.isfinite(own).any():
+            found[joint] = _overlap(own, found.get(joint, _UNLIMITED))
+    return found
+
+
+def _force_range(actuator: ET.Element, automatic: bool, location: str) -> Array:
+    """Return smallest and largest force of the actuator, before its gear."""
+    limits = _range(actuator, "force", automatic, location)
+    kinds = actuator.tag, actuator.get("gaintype", "fixed"), actuator.get("biastype", "none")
+    if actuator.tag == "motor":
+        gain = 1.0
+    elif kinds == ("general", "fixed", "none"):
+        gain = _first(actuator, "gainprm", location)
+    else:  # the control is a position, a speed or an activation
+        return limits
+    driven = np.sort(gain * _range(actuator, "ctrl", automatic, location)) if gain else np.zeros(2)
+    return _overlap(limits, driven)
+
+
+def _overlap(one: Array, other: Array) -> Array:
+    return np.array([max(one[0], other[0]), min(one[1], other[1])])
+
+
+def _range(element: ET.Element, kind: str, automatic: bool, location: str) -> Array:
+    """Return the range of the attribute `kind`range, infinite if it is not limited."""
+    given, limited = element.get(f"{kind}range"), element.get(f"{kind}limited", "auto")
+    if given is None or limited == "false" or (limited == "auto" and not automatic):
+        return _UNLIMITED
+    if len(numbers := floats(given)) != 2 or not numbers[0] < numbers[1]:
+        raise ValueError(f"{location}: {kind}range must be two increasing numbers, is {given!r}")
+    return np.array(numbers)
+
+
+def _first(element: ET.Element, key: str, location: str) -> float:
+    """Return the first number of the attribute, 1 by default."""
+    return _numbers(element.get(key, "1"), 0, f"{location}: {key}")[0]
 
 
 def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str]]:

@@ -24,13 +24,17 @@ _ANGLES = {"radian": 1.0, "rad": 1.0, "degree": np.pi / 180.0, "deg": np.pi / 18
 _MASSES = {"kg": 1.0, "g": 1e-3}  # [kg]
 _INERTIAS = {"kg*m^2": 1.0, "kgm^2": 1.0, "kg*m*m": 1.0}  # [kg m^2]
 # Children that are read, and those that are ignored, as they change neither pose nor inertia.
-_OF_NODE = {"transform", "joint", "physics", "child"}
-_IGNORED_IN_NODE = {"sensor", "visualization", "collisionmodel", "graspset", "primitivemodel"}
-_OF_JOINT = {"axis", "translationdirection", "limits"}
-_IGNORED_IN_JOINT = {"maxacceleration", "maxvelocity", "maxtorque"}
-_OF_TRANSFORM = {"matrix4x4", "translation", "rollpitchyaw"}
-_OF_PHYSICS = {"mass", "com", "inertiamatrix"}
-_IGNORED_IN_PHYSICS = {"simulationtype", "ignorecollision", "friction"}
+_READ = {
+    "robotnode": {"transform", "joint", "physics", "child"},
+    "joint": {"axis", "translationdirection", "limits"},
+    "transform": {"matrix4x4", "translation", "rollpitchyaw"},
+    "physics": {"mass", "com", "inertiamatrix"},
+}
+_IGNORED = {
+    *("sensor", "visualization", "collisionmodel", "graspset", "primitivemodel"),
+    *("maxacceleration", "maxvelocity", "maxtorque"),
+    *("simulationtype", "ignorecollision", "friction"),
+}
 _ROTATION = 1e-3  # numbers are printed with six digits
 
 
@@ -46,7 +50,9 @@ def simox_model(root: ET.Element, name: str, height: float | None, mass: float |
     Raises:
         ValueError: names the node and what is wrong with it.
     """
-    _to_lower_case(root)
+    for element in root.iter():  # files differ in case
+        element.tag = element.tag.lower()
+        element.attrib = {key.lower(): value for key, value in element.attrib.items()}
     is_mmm = root.get("type", "") == "MMM"
     if not is_mmm and (height is not None or mass is not None):
         raise ValueError(f"height and mass scale MMM models, but {name} is of another type")
@@ -67,10 +73,9 @@ def simox_model(root: ET.Element, name: str, height: float | None, mass: float |
 
     model = pin.Model()
     model.name = name.rsplit(".", 1)[0]
-    todo: list[tuple[str, _Node]] = [(start, (0, 0, pin.SE3.Identity()))]
     seen = set()
-    while todo:
-        node, parent = todo.pop()
+
+    def add(node: str, parent: _Node) -> None:
         if node in seen:
             raise ValueError(f"{name}: node {node!r} is reached twice")
         seen.add(node)
@@ -78,10 +83,12 @@ def simox_model(root: ET.Element, name: str, height: float | None, mass: float |
             added = _add_node(model, nodes[node], parent, units)
         except ValueError as error:
             raise ValueError(f"{name}: node {node!r}: {error}") from None
-        children = [child.get("name", "") for child in nodes[node].iterfind("child")]
-        if missing := [child for child in children if child not in nodes]:
-            raise ValueError(f"{name}: node {node!r} has an unknown child {missing[0]!r}")
-        todo += [(child, added) for child in reversed(children)]  # depth first, as in the file
+        for child in nodes[node].iterfind("child"):
+            if (behind := child.get("name", "")) not in nodes:
+                raise ValueError(f"{name}: node {node!r} has an unknown child {behind!r}")
+            add(behind, added)
+
+    add(start, (0, 0, pin.SE3.Identity()))
     return model
 
 
@@ -96,16 +103,9 @@ class _Units(NamedTuple):
 _Node: TypeAlias = tuple[int, int, pin.SE3]
 
 
-def _to_lower_case(element: ET.Element) -> None:
-    """Convert tags and names of attributes to lower case, as files differ in case."""
-    for each in element.iter():
-        each.tag = each.tag.lower()
-        each.attrib = {key.lower(): value for key, value in each.attrib.items()}
-
-
 def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) -> _Node:
     """Add a child node to a parent."""
-    _check_children(node, _OF_NODE, _IGNORED_IN_NODE)
+    _check_children(node)
     name, (joint, frame, placement) = node.attrib["name"], parent
     placement = placement * _transform(node.find("transform"), units)
     movement = node.find("joint")
@@ -115,11 +115,14 @@ def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) 
             raise ValueError(f"its joint is of type {kind!r}, not revolute, prismatic or fixed")
         if float(movement.get("offset", 0.0)) != 0.0:
             raise ValueError("its joint has an offset, which is not supported")
-        _check_children(movement, _OF_JOINT, _IGNORED_IN_JOINT)
+        _check_children(movement)
         limits = [np.array([limit]) for limit in _limits(movement, kind, units)]
-        free = np.array([np.inf])
-        joint_type = _joint_type(movement, kind)
-        joint = model.addJoint(joint, joint_type, placement, name, free, free, *limits)
+        child = movement.find("axis" if kind == "revolute" else "translationdirection")
+        axis = np.zeros(3) if child is None else _numbers(child, "xyz")
+        if not np.any(axis):
+            raise ValueError("its joint has no axis")
+        free, along = np.array([np.inf]), joint_along(axis / np.linalg.norm(axis), kind)
+        joint = model.addJoint(joint, along, placement, name, free, free, *limits)
         placement = pin.SE3.Identity()
         frame = model.addJointFrame(joint, frame)
     else:
@@ -129,22 +132,14 @@ def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) 
     return joint, frame, placement
 
 
-def _check_children(element: ET.Element, read: set[str], ignored: set[str]) -> None:
+def _check_children(element: ET.Element) -> None:
     """Reject children that are unknown, or occur more than once where only one is allowed."""
-    tags = [child.tag for child in element]
+    tags, read = [child.tag for child in element], _READ[element.tag]
     for tag in tags:
-        if tag not in read | ignored:
+        if tag not in read | _IGNORED:
             raise ValueError(f"<{element.tag}> has a <{tag}>, which is not supported")
         if tag in read - {"child"} and tags.count(tag) > 1:
             raise ValueError(f"<{element.tag}> has more than one <{tag}>")
-
-
-def _joint_type(movement: ET.Element, kind: str) -> object:
-    child = movement.find("axis" if kind == "revolute" else "translationdirection")
-    axis = np.zeros(3) if child is None else _numbers(child, "xyz")
-    if not np.any(axis):
-        raise ValueError("its joint has no axis")
-    return joint_along(axis / np.linalg.norm(axis), kind)
 
 
 def _unit(element: ET.Element, default: str, units: dict[str, float], kind: str = "") -> float:
@@ -172,7 +167,7 @@ def _numbers(element: ET.Element, names: Sequence[str]) -> Array:
 def _transform(transform: ET.Element | None, units: _Units) -> pin.SE3:
     if transform is None:
         return pin.SE3.Identity()
-    _check_children(transform, _OF_TRANSFORM, set())
+    _check_children(transform)
     if (matrix := transform.find("matrix4x4")) is not None:
         if len(transform) > 1:
             raise ValueError("<transform> has a <matrix4x4> and other elements")
@@ -222,7 +217,7 @@ def _limits(joint: ET.Element, kind: str, units: _Units) -> tuple[float, float]:
 
 
 def _inertia(physics: ET.Element, units: _Units) -> pin.Inertia:
-    _check_children(physics, _OF_PHYSICS, _IGNORED_IN_PHYSICS)
+    _check_children(physics)
     mass, centre, tensor = (physics.find(tag) for tag in ("mass", "com", "inertiamatrix"))
     if mass is None:
         raise ValueError("its <Physics> has no <Mass>")

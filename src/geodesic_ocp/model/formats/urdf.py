@@ -1,4 +1,8 @@
-"""URDF: read as a Pinocchio model, with faults repaired or named; joints that mimic others."""
+"""URDF: read as a Pinocchio model, with faults repaired or named; mimic joints and rotors.
+
+A rotor of inertia I behind a gear of ratio r adds r^2 I to the inertia of its joint. Pinocchio
+reads armature from MJCF, but not from URDF.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,11 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
-
-from geodesic_ocp.model.formats.robots import set_armature, urdf_armature
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 # <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.
@@ -27,27 +32,20 @@ class Mimic:
     offset: float
 
 
-def apply_mimics(mimics: Mapping[str, Mimic], values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values of all joints, with those of mimic joints computed from their leaders.
-
-    Args:
-        mimics: mimic joints by name; a leader may itself mimic another joint.
-        values: values of all joints; those of mimic joints are ignored.
+def apply_mimics(mimics: Mapping[str, Mimic], values: dict[str, float]) -> None:
+    """Set the values of mimic joints from those of their leaders, which may mimic others.
 
     Raises:
         ValueError: joints mimic each other in a cycle.
     """
-    found = {name: value for name, value in values.items() if name not in mimics}
-
-    def value(name: str, visited: tuple[str, ...]) -> float:
-        if name in visited:
-            raise ValueError(f"joints mimic each other: {' and '.join(visited)}")
-        if name not in found:
-            mimic = mimics[name]
-            found[name] = mimic.multiplier * value(mimic.leader, (*visited, name)) + mimic.offset
-        return found[name]
-
-    return {name: value(name, ()) for name in values}
+    leaders = {name: [mimic.leader] for name, mimic in mimics.items()}
+    try:
+        order = [*TopologicalSorter(leaders).static_order()]
+    except CycleError as error:
+        raise ValueError(f"joints mimic each other: {' and '.join(error.args[1][1:])}") from None
+    for name in order:
+        if (mimic := mimics.get(name)) is not None:
+            values[name] = mimic.multiplier * values[mimic.leader] + mimic.offset
 
 
 def urdf_model(
@@ -101,17 +99,11 @@ def _check(root: ET.Element, name: str) -> None:
             if lower > upper:
                 what = f"its lower limit {lower:g} lies above the upper {upper:g}"
                 raise ValueError(f"{location}: {what}")
-        if axis is not None and not any(map(_nonzero, axis.get("xyz", "1 0 0").split())):
+        numbers = [] if axis is None else floats(axis.get("xyz", "1 0 0").replace(",", " "))
+        if numbers and not any(numbers):  # what else is wrong with it Pinocchio reports
             raise ValueError(f"{location}: its axis is zero")
     for mass in root.iterfind("link/inertial/mass"):
         _number(mass, "value", 0.0, f"{name}: a link's mass")
-
-
-def _nonzero(text: str) -> bool:
-    try:
-        return float(text.strip(",")) != 0.0
-    except ValueError:
-        return True  # Pinocchio reports it
 
 
 def _zero_range_warnings(joints: list[ET.Element], name: str) -> Iterator[str]:
@@ -137,7 +129,97 @@ def _mimics(joints: list[ET.Element], name: str) -> dict[str, Mimic]:
 
 
 def _number(element: ET.Element, key: str, default: float, location: str) -> float:
+    text = element.get(key, str(default))
+    if len(numbers := floats(text)) != 1:
+        raise ValueError(f"{location}: {key} is {text!r}, not a number")
+    return numbers[0]
+
+
+def _not_negative(element: ET.Element, key: str, location: str) -> float:
+    text = element.get(key)
+    if len(numbers := floats(text)) != 1 or not 0.0 <= numbers[0] < np.inf:
+        raise ValueError(f"{location} must be a number >= 0, is {text!r}")
+    return numbers[0]
+
+
+def floats(text: str | None) -> list[float]:
+    """Return the numbers in a text; none if one of its words is not a number."""
     try:
-        return float(element.get(key, default))
+        return [float(word) for word in (text or "").split()]
     except ValueError:
-        raise ValueError(f"{location}: {key} is {element.get(key)!r}, not a number") from None
+        return []
+
+
+def urdf_armature(root: ET.Element, name: str) -> dict[str, float]:
+    """Return joint inertias [kg m^2 or kg] that a URDF states, by joint name.
+
+    They are `<dynamics armature="..."/>` of a joint, or `<drake:rotor_inertia value="..."/>` and
+    `<drake:gear_ratio value="..."/>` (default 1) of the actuators of its transmission, which are
+    extensions of the format. A joint that has both takes the former.
+
+    Raises:
+        ValueError: a value is not a finite number that is not negative; names the joint.
+    """
+    found: dict[str, float] = {}
+    for transmission in root.iterfind("transmission"):
+        joints = [joint.get("name", "") for joint in transmission.iterfind("joint")]
+        for actuator in transmission.iterfind("actuator"):
+            values = {child.tag.rsplit("}", 1)[-1]: child for child in actuator}  # no namespace
+            if "rotor_inertia" not in values or not joints:
+                continue
+            location = f"{name}: the actuator of joint {joints[0]!r}"
+            rotor = _not_negative(values["rotor_inertia"], "value", f"{location}: rotor_inertia")
+            ratio = 1.0
+            if "gear_ratio" in values:
+                ratio = _not_negative(values["gear_ratio"], "value", f"{location}: gear_ratio")
+            found[joints[0]] = found.get(joints[0], 0.0) + ratio**2 * rotor
+    for joint in root.iterfind("joint"):
+        dynamics = joint.find("dynamics")
+        if dynamics is not None and dynamics.get("armature") is not None:
+            location = f"{name}: joint {joint.get('name')!r}"
+            found[joint.get("name", "")] = _not_negative(
+                dynamics, "armature", f"{location}: armature"
+            )
+    return found
+
+
+def srdf_armature(urdf: Path) -> dict[str, float]:
+    """Return joint inertias [kg m^2 or kg] from the SRDF that a package has for a URDF, by joint
+    name.
+
+    It is in the folder `srdf` beside that of the URDF, is for a robot of the same name, and has a
+    group `rotor_params` with the inertia of each rotor (its attribute is called mass) and the gear
+    ratio, as read by Pinocchio's `loadRotorParameters`.
+
+    Raises:
+        ValueError: a value is not a finite number that is not negative; names the joint.
+    """
+    robot = _root(urdf)
+    found: dict[str, float] = {}
+    for file in sorted(urdf.parent.parent.glob("srdf/*.srdf")):
+        root = _root(file)
+        if robot is None or root is None or root.get("name") != robot.get("name"):
+            continue
+        for joint in root.iterfind("rotor_params/joint"):
+            location = f"{file.name}: rotor_params of joint {joint.get('name')!r}"
+            rotor = _not_negative(joint, "mass", f"{location}: mass")
+            ratio = _not_negative(joint, "gear_ratio", f"{location}: gear_ratio")
+            found.setdefault(joint.get("name", ""), ratio**2 * rotor)
+    return found
+
+
+def set_armature(model: pin.Model, armature: Mapping[str, float]) -> None:
+    """Set the armature of joints with one degree of freedom that have none yet."""
+    values = np.array(model.armature)
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        if joint.nv == 1 and values[joint.idx_v] == 0.0:
+            values[joint.idx_v] = armature.get(str(model.names[index]), 0.0)
+    model.armature = values
+
+
+def _root(file: Path) -> ET.Element | None:
+    try:
+        return ET.parse(file).getroot()
+    except (OSError, ET.ParseError):
+        return None

@@ -58,11 +58,11 @@ def thorax_motion(root: FrameMotion, angles: Array, height: float) -> FrameMotio
     rotation = scipy.spatial.transform.Rotation
     lengths = trunk()
     rotations, positions = np.array(root.rotations), np.array(root.positions)
-    steps = (lengths.pelvis, angles[:, :3]), (lengths.abdomen_length, angles[:, 3:])
+    steps = (lengths.pelvis, angles[:, :3]), (lengths.abdomen.length, angles[:, 3:])
     for length, turned in steps:
         positions += height * length * rotations[:, :, 2]
         rotations = rotations @ rotation.from_euler("XZY", turned).as_matrix()
-    positions += height * lengths.thorax_length * rotations[:, :, 2]
+    positions += height * lengths.thorax.length * rotations[:, :, 2]
     return FrameMotion(rotations, positions)
 
 
