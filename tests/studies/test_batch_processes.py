@@ -16,6 +16,7 @@ import pytest
 from deadly_path import DeadlyPath, EndlessPath
 
 import geodesic_ocp as go
+from geodesic_ocp.studies import processes
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import completed, in_executor, in_processes
 from geodesic_ocp.studies.result_files import RecordingOutcome, RecordingTask, locked
@@ -87,6 +88,23 @@ def test_a_recording_that_takes_too_long_is_left_out(folder: Path) -> None:
     assert (endless.kind, endless.text) == ("process", "took longer than the time limit")
     assert {each.kind for each in found.values()} == {"file"}
     assert len(found) == 3
+
+
+@pytest.mark.slow
+def test_processes_are_replaced_so_that_memory_stays_bounded(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[int] = []
+
+    class Counted(processes.ProcessPoolExecutor):
+        def __init__(self, jobs: int, **settings: Any) -> None:
+            started.append(jobs)
+            super().__init__(jobs, **settings)
+
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", Counted)
+    monkeypatch.setattr(processes, "_RENEWAL", 2)
+    assert len(list(in_processes(iter(tasks(folder, 5)), 1))) == 5
+    assert started == [1, 1, 1]
 
 
 @pytest.mark.slow

@@ -43,9 +43,9 @@ def study(
         print(f"note: {note}")
     print(f"\n{text(found.means())}")
     tests = found.tests(measure, against)
-    for reference in set(tests.get("against", ())):
+    for reference in tests["against"].unique():
         print(f"\n{tested.header}, against {reference}")
-    print(f"\n{text(tests.drop(columns=['against', 'sign test p'], errors='ignore'))}")
+    print(f"\n{text(tests.drop(columns=['against', 'sign test p']))}")
     if found.synergies is not None and len(found.synergies):
         print(f"\n{text(found.synergy_statistics())}")
     if files:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import (
@@ -18,7 +17,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager, suppress
-from itertools import islice
+from itertools import chain, islice
 from multiprocessing import connection
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,31 @@ from geodesic_ocp.studies.analyse_recording import run_task
 from geodesic_ocp.studies.result_files import RecordingOutcome, RecordingTask
 
 Finished = tuple[RecordingTask, "Future[RecordingOutcome]"]
+
+
+_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let processes that are started here use one thread; this process stays as it is."""
+    before = {name: os.environ.get(name) for name in _VARIABLES}
+    os.environ.update(dict.fromkeys(_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 def completed(
@@ -43,7 +67,8 @@ def completed(
         while True:
             for task in () if broken else islice(tasks, window - len(pending)):
                 try:
-                    future = executor.submit(run_task, task)
+                    with one_thread():  # a submission may start processes
+                        future = executor.submit(run_task, task)
                 except BrokenExecutor as failure:
                     broken, future = True, Future()
                     future.set_exception(failure)
@@ -124,31 +149,6 @@ def _broken(executor: Executor, failure: BaseException) -> GeodesicOcpError:
     )
 
 
-_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Let processes that are started here use one thread; this process stays as it is."""
-    before = {name: os.environ.get(name) for name in _VARIABLES}
-    os.environ.update(dict.fromkeys(_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
 def usable_cores() -> int:
     """Return cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -158,8 +158,7 @@ def usable_cores() -> int:
 
 _UNLIKELY_PARENT = "500"  # the system's choice when memory is short falls on these processes
 _AHEAD = 2  # tasks submitted for each process
-# Recordings after which a process is replaced, so that its memory stays bounded.
-_RENEWAL: dict[str, Any] = {"max_tasks_per_child": 100} if sys.version_info >= (3, 11) else {}
+_RENEWAL = 100  # recordings of a process until all are replaced, so that memory stays bounded
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -194,17 +193,16 @@ def _end_with(parent: Any) -> None:
 def _pool(jobs: int) -> Iterator[Executor]:
     """Yield processes with one thread each, which are killed if the body raises."""
     others = set(multiprocessing.active_children())
-    with one_thread():
-        pool = ProcessPoolExecutor(jobs, mp_context=_CONTEXT, initializer=_start, **_RENEWAL)
-        try:
-            yield pool
-        except BaseException:
-            for process in set(multiprocessing.active_children()) - others:
-                with suppress(ValueError):  # it is closed
-                    process.kill()
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    pool = ProcessPoolExecutor(jobs, mp_context=_CONTEXT, initializer=_start)
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - others:
+            with suppress(ValueError):  # it is closed
+                process.kill()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def in_processes(tasks: Iterator[RecordingTask], jobs: int) -> Iterator[RecordingOutcome]:
@@ -221,17 +219,19 @@ def in_processes(tasks: Iterator[RecordingTask], jobs: int) -> Iterator[Recordin
         GeodesicOcpError: processes cannot be started.
         OSError: a result cannot be written.
     """
-    lost: list[RecordingTask] | None = None
-    while lost is None or lost:
-        lost = []
-        with _pool(jobs) as pool:
-            for task, future in completed(pool, tasks, _AHEAD * jobs):
-                if isinstance(failure_of(future), BrokenExecutor):
-                    lost.append(task)
-                else:
-                    yield future.result()
-        for task in lost:
-            yield _alone(task)
+    for first in tasks:
+        some = chain([first], islice(tasks, _RENEWAL * jobs - 1))
+        lost: list[RecordingTask] | None = None
+        while lost is None or lost:
+            lost = []
+            with _pool(jobs) as pool:
+                for task, future in completed(pool, some, _AHEAD * jobs):
+                    if isinstance(failure_of(future), BrokenExecutor):
+                        lost.append(task)
+                    else:
+                        yield future.result()
+            for task in lost:
+                yield _alone(task)
 
 
 def _alone(task: RecordingTask) -> RecordingOutcome:

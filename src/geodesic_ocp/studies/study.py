@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import scipy
@@ -162,14 +162,13 @@ class StudyResult:
     @cached_property
     def _rows(self) -> DataFrame:
         """The recordings in natural order, each with the name of a subject and a condition."""
-        return self._prepared(self.recordings, {"method": [*self.methods]})
-
-    def _prepared(self, rows: DataFrame, order: dict[str, list[str]]) -> DataFrame:
         from pandas import Categorical
 
+        rows = self.recordings
         rows = rows.assign(subject=_subjects(rows), condition=_conditions(rows, self.by))
         rows = rows.sort_values("recording", kind="stable").reset_index(drop=True)
-        order |= {name: in_natural_order(rows[name]) for name in ("condition", "subject")}
+        order = {name: in_natural_order(rows[name]) for name in ("condition", "subject")}
+        order["method"] = [*self.methods]
         categories = {
             name: Categorical(rows[name], own, ordered=True) for name, own in order.items()
         }
@@ -200,18 +199,21 @@ class StudyResult:
         Raises:
             ValueError: an unknown measure, or one that the table does not have.
         """
+        known = self._any_values(measure)
+        if known.empty:
+            raise ValueError(f"measure {measure!r}: the table has no {MEASURES[measure].column}")
+        return known
+
+    def _any_values(self, measure: str) -> DataFrame:
         chosen, rows = as_measure(measure), self._rows
         value = rows[chosen.column].astype(float)
         if measure == "segments_per_second":
             value = value / rows["duration_s"].where(rows["duration_s"] > 0.0)
-        known = rows.assign(value=value)[np.isfinite(value)]
-        if known.empty:
-            raise ValueError(f"measure {measure!r}: the table has no {chosen.column}")
-        return known
+        return rows.assign(value=value)[np.isfinite(value)]
 
     def _known(self, measures: Iterable[str]) -> list[str]:
         """Return the measures that any recording has."""
-        return [each for each in measures if self._rows[MEASURES[each].column].notna().any()]
+        return [each for each in measures if len(self._any_values(each))]
 
     def means(self, *measures: str, confidence: float = 0.95, complete: bool = False) -> DataFrame:
         """Return mean over subjects of the subjects' means, of every method under every condition.
@@ -233,10 +235,7 @@ class StudyResult:
         if not 0.0 < as_number("confidence", confidence) < 1.0:
             raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
         names = measures or self._known(_SHOWN) or _SHOWN[:1]
-        parts = {
-            MEASURES[each].header: self._means(each, confidence, complete)
-            for each in map(_named, names)
-        }
+        parts = {as_measure(each).header: self._means(each, confidence, complete) for each in names}
         found = concat(parts, names=["measure"])
         counts = found[["subjects", "recordings"]].drop_duplicates()
         unequal = ["Methods are not all averaged over the same recordings."]
@@ -286,11 +285,11 @@ class StudyResult:
             ValueError: an unknown measure, or one that the tables do not have.
         """
         rows, keys = self._values(measure), ["condition", "subject"]
-        found = _subject_means(rows, [*keys[:1], "method"]).unstack("method")
+        found = _subject_means(rows, ["condition", "method"]).unstack("method")
         found.columns = [self.methods[key] for key in found.columns]
-        found.insert(
-            0, "recordings", self._rows.groupby(keys, observed=True)["recording"].nunique()
-        )
+        recordings = self._rows.groupby(keys, observed=True)["recording"].nunique()
+        found = found.reindex(recordings.index)
+        found.insert(0, "recordings", recordings)
         found = self._by_condition(_plain(found))
         header = MEASURES[measure].header
         note = " ".join([f"Means of the subject's recordings: {header}.", *self._caveats])
@@ -323,41 +322,38 @@ class StudyResult:
         Raises:
             ValueError: an unknown measure, method or condition.
         """
+        return self._tested(measure, against, confidence, seed)[0]
+
+    def _tested(
+        self, measure: str, against: str | None, confidence: float = 0.95, seed: int = 0
+    ) -> tuple[DataFrame, list[Array]]:
+        """Return the table of `tests`, and the differences of the subjects for each row."""
         from pandas import DataFrame, MultiIndex
 
         is_method, key = self._reference(against)
-        rows: dict[tuple[str, str], dict[str, Any]] = {}
-        tests = []
-        for place, pairs, left_out in self._pairs(measure, is_method, key):
+        label = self.methods.get(key, key)
+        columns = (
+            *("against", "subjects", "left out", "smaller in", "larger in"),
+            "mean difference" + MEASURES[measure].unit,
+            *(f"{confidence:.0%} {end}" for end in ("low", "high")),
+            *("effect", "sign test p", "Wilcoxon p"),
+        )
+        rows, tests, differences, missing = [], [], [], set()
+        compared = list(self._pairs(measure, is_method, key))
+        for _, pairs, left_out in compared:
             a, b = pairs.T
             b = np.where(np.isclose(a, b, rtol=_ROUNDING, atol=0.0), a, b)
             test = paired_test(a, b, confidence=confidence, seed=seed)
+            counts = test.pairs, len(left_out), test.wins, test.losses
+            effect = rank_biserial(a - b), test.sign_p, test.wilcoxon_p
+            rows.append((label, *counts, test.mean_difference, *test.interval, *effect))
             tests.append(test)
-            rows[place] = {
-                "against": self.methods.get(key, key),
-                "subjects": test.pairs,
-                "left out": len(left_out),
-                "smaller in": test.wins,
-                "larger in": test.losses,
-                "mean difference" + MEASURES[measure].unit: test.mean_difference,
-                f"{confidence:.0%} low": test.interval[0],
-                f"{confidence:.0%} high": test.interval[1],
-                "effect": rank_biserial(a - b),
-                "sign test p": test.sign_p,
-                "Wilcoxon p": test.wilcoxon_p,
-            }
-        found = DataFrame(
-            [*rows.values()],
-            index=MultiIndex.from_tuples([*rows], names=["condition", "method"])
-            if rows
-            else MultiIndex.from_arrays([[], []], names=["condition", "method"]),
-        )
+            differences.append(pairs[:, 0] - pairs[:, 1])
+            missing |= set(left_out)
+        places = DataFrame([place for place, *_ in compared], columns=["condition", "method"])
+        found = DataFrame(rows, MultiIndex.from_frame(places), columns)
         found["p, Holm"] = holm([test.wilcoxon_p for test in tests])
-        names = in_natural_order(
-            n for *_, left in self._pairs(measure, is_method, key) for n in left
-        )
         found = self._labelled(found)
-        label = self.methods.get(key, key)
         note = [
             "Pairs are subjects. Intervals: of the mean difference, by bootstrap. Effect: "
             "matched-pairs rank-biserial correlation, positive where numbers are smaller than the "
@@ -372,9 +368,10 @@ class StudyResult:
             note += dict.fromkeys(
                 f"{each.note[:1].upper()}{each.note[1:]}." for each in tests if each.note
             )
-        note += [f"Left out, without a pair: {', '.join(names)}."] if names and tests else []
+        if missing and tests:
+            note.append(f"Left out, without a pair: {', '.join(in_natural_order(missing))}.")
         found.attrs["note"] = " ".join([*note, *self._caveats])
-        return found
+        return found, differences
 
     def _pairs(
         self, measure: str, is_method: bool, key: str
@@ -549,18 +546,13 @@ class StudyResult:
         Args:
             measure, against: measure and against of the differences, see `tests`.
         """
-        is_method, key = self._reference(against)
-        tests = self.tests(measure, against)
+        tests, differences = self._tested(measure, against)
         figures = {"errors": self.plot()}
         with paper_style():
             if len(tests):
-                points = [
-                    pairs[:, 0] - pairs[:, 1]
-                    for _, pairs, _ in self._pairs(measure, is_method, key)
-                ]
-                chosen, label = MEASURES[measure], self.methods.get(key, key)
+                chosen, label = MEASURES[measure], tests["against"].iloc[0]
                 figures["differences"] = differences_figure(
-                    tests, points, label, chosen.axis, chosen.scale
+                    tests, differences, label, chosen.axis, chosen.scale
                 )
             if self.synergies is not None and len(self.synergies):
                 rows, unit = self._synergies, self._length_unit
@@ -630,11 +622,6 @@ def _plain(table: DataFrame) -> DataFrame:
 
     levels = [table.index.get_level_values(name).astype(object) for name in table.index.names]
     return table.set_axis(MultiIndex.from_arrays(levels, names=table.index.names))
-
-
-def _named(measure: str) -> str:
-    as_measure(measure)
-    return measure
 
 
 def _subjects(rows: DataFrame) -> Series:
