@@ -124,6 +124,7 @@ def test_no_pair_at_all_is_said_in_the_table() -> None:
     )
     tests = study.tests()
     assert tests.empty
+    assert {"against", "subjects", "mean difference [rad]", "p, Holm"} <= set(tests.columns)
     assert "No subject can be compared" in tests.attrs["note"]
     with pytest.raises(ValueError, match="no recording has 'joint' of all methods"):
         study.means(complete=True)
@@ -161,6 +162,23 @@ def test_synergies_are_counted_by_recording_and_second() -> None:
     found = first[[f"duration, {level}% [s]" for level in (25, 50, 75)]]
     assert found.tolist() == pytest.approx(np.percentile(durations, [25, 50, 75]))
     assert first["length, 50% [sqrt(kg) m]"] == pytest.approx(found.iloc[1] / 2.0)
+
+
+def test_subjects_without_a_value_keep_their_row() -> None:
+    study = study_of(("a", "Ann", {"riemannian": 1.0}), ("b", "Bob", {"riemannian": None}))
+    rows = study.by_subject()
+    assert rows["recordings"].to_dict() == {"Ann": 1, "Bob": 1}
+    assert rows[OWN].isna().to_dict() == {"Ann": False, "Bob": True}
+
+
+def test_recordings_without_duration_have_no_rate() -> None:
+    rows = [
+        row for name in "ab" for row in rows_of(name, name, {"riemannian": 0.1}, duration_s=0.0)
+    ]
+    study = study_of_rows(rows)
+    assert "segments_per_second" not in study._known(["segments", "segments_per_second"])
+    with pytest.raises(ValueError, match="segments_per_second"):
+        study.means("segments_per_second")
 
 
 def test_segments_per_second_and_other_measures() -> None:
