@@ -133,6 +133,22 @@ def keep_clear(
     return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
 
 
+def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
+    """Return all distances of clearances of the same joints as one clearance; none without any."""
+    if len(parts) == 1:
+        return parts[0]
+    q = ca.SX.sym("q", dof)
+    function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
+    owners = [(part, index) for part in parts for index in range(len(part.names))]
+
+    def exact(at: Array, number: int) -> float:
+        part, index = owners[number]
+        return part.exact(at, index) if part.exact else max(0.0, float(part.row(index)(at)))
+
+    lower = np.concatenate([np.zeros(0), *(each.lower for each in parts)])
+    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact)
+
+
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
     """Return segments and radii of the capsules of each link in the common base frame."""
     chains = []

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_number, as_positive
-from geodesic_ocp.execution.clearance import Clearance, keep_clear
+from geodesic_ocp.execution.clearance import Clearance, joined_clearance, keep_clear
 from geodesic_ocp.execution.link_pairs import LinkPairs, link_pairs
 from geodesic_ocp.logarithm.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.distances import signed_distances
@@ -178,7 +178,7 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     """
     if not settings.constrained:
         return None
-    found: list[Clearance] = []
+    found, q = list[Clearance](), ca.SX.sym("q", sum(robot.dof for robot in robots))
     if settings.self_collision and not settings.pairs:
         pairs_found = _pairs(tuple(robots), settings.margin)
         named = [*pairs_found.constrained, *pairs_found.exact_only]
@@ -189,15 +189,14 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
             found.append(replace(every, lower=np.where(wide, _CLOSE, every.lower)))
     obstacles, links, pairs, margin = settings.collisions
     if obstacles or pairs:
-        total, first = sum(robot.dof for robot in robots), 0
-        q = ca.SX.sym("q", total)
+        first = 0
         for robot in robots:
             own = q[first : first + robot.dof]
             distances = signed_distances(robot, own, obstacles, links=links, pairs=pairs)
             function = ca.Function("distances", [q], [ca.vertcat(*distances.values())])
             found.append(Clearance(function, np.full(len(distances), margin), tuple(distances)))
             first += robot.dof
-    return _together(found) if found else None
+    return joined_clearance(found, q.numel()) if found else None
 
 
 @lru_cache(maxsize=8)
@@ -230,20 +229,3 @@ def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Cl
 def in_check(clearance: Clearance) -> Clearance:
     """Return the clearance with the bounds of a check of the trajectory: links must not touch."""
     return replace(clearance, lower=np.full(len(clearance.names), TOUCHING))
-
-
-def _together(parts: Sequence[Clearance]) -> Clearance:
-    if len(parts) == 1:
-        return parts[0]
-    q = ca.SX.sym("q", parts[0].dof)
-    function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
-    lower = np.concatenate([each.lower for each in parts])
-    owners = [(part, index) for part in parts for index in range(len(part.names))]
-
-    def exact(configuration: Array, row: int) -> float:
-        part, index = owners[row]
-        if part.exact is not None:
-            return part.exact(configuration, index)
-        return max(0.0, float(part.row(index)(configuration)))
-
-    return Clearance(function, lower, tuple(name for each in parts for name in each.names), exact)
