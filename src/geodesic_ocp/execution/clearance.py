@@ -219,11 +219,13 @@ class ActiveRows(ShortRepr):
         rows: index of the distance (j,) that is too small there, of `Clearance.row`.
         lower: bound (j,) [m] that `Clearance.row` has to keep near that configuration for the
             exact distance to be the one allowed.
+        lacks: what `Clearance.row` lacks to that bound there (j,) [m].
     """
 
     samples: NDArray[np.int64]
     rows: NDArray[np.int64]
     lower: Array
+    lacks: Array
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -251,14 +253,14 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
     distances = clearance.function(points.T).full() if len(points) else np.empty((0, 0))
     least = clearance.lower + margin
     rows, samples = np.nonzero(distances < least[: len(distances), None])
-    lower = least[rows]
+    lower, found = least[rows], distances[rows, samples]
     if clearance.exact is not None:
         places = zip(samples.tolist(), rows.tolist(), strict=True)
         apart = np.array([clearance.exact(points[k], row) for k, row in places])
-        gaps = np.where(apart > 0.0, apart - distances[rows, samples], 0.0)
         close = apart < lower
-        samples, rows, lower = samples[close], rows[close], (lower - gaps)[close]
-    return ActiveRows(samples, rows, lower)
+        lower = lower - np.where(apart > 0.0, apart - found, 0.0)
+        samples, rows, lower, found = samples[close], rows[close], lower[close], found[close]
+    return ActiveRows(samples, rows, lower, lower - found)
 
 
 def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:

@@ -211,27 +211,31 @@ class PlannedTrajectory(ShortRepr):
         v, a, j = (np.where(inside[:, None], each, 0.0) for each in rates)
         return q, v, a, j
 
-    def sampled(self, rate: float = 100.0) -> JointTrajectory:
-        """Return all joints at a uniform rate [Hz], from 0 on, with the torques of inverse
-        dynamics.
+    def sampled(self, rate: float = 100.0, arm: int | None = None) -> JointTrajectory:
+        """Return joints at a uniform rate [Hz], from 0 on, with the torques of inverse dynamics.
 
         The last sample is the first one at or after the end of a trajectory that ends at rest, and
         holds still; it is the last one before the end of any other.
 
+        Args:
+            rate: samples per second.
+            arm: number of the arm; None: the joints of all arms, one arm after the other.
+
         Raises:
-            ValueError: the rate is not positive.
+            ValueError: the rate is not positive, or there is no such arm.
         """
         rate = as_positive("rate", rate, "Hz")
         samples = self.duration * rate
         last = np.ceil(samples - _ROUNDING) if self.rest else np.floor(samples + _ROUNDING)
         times = np.arange(int(last) + 1) / rate
-        q, v, a, _ = self.states(times)
+        q, v, a, _ = self.states(times, arm)
         if self.rest:
             v[-1] = a[-1] = 0.0
-        robots = [arm.robot for arm in self.arms]
-        efforts = joint_forces(robots, [arm.gravity for arm in self.arms], q, v, a)
+        arms = self.arms if arm is None else self.arms[arm : arm + 1]
+        robots = [each.robot for each in arms]
+        efforts = joint_forces(robots, [each.gravity for each in arms], q, v, a)
         units = tuple(unit for robot in robots for unit in robot.units)
-        return JointTrajectory(times, q, v, a, self.joint_names, units, efforts)
+        return JointTrajectory(times, q, v, a, joint_names(arms), units, efforts)
 
 
 def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[PathDeviation, ...]:

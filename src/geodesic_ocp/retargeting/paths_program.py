@@ -32,7 +32,7 @@ from geodesic_ocp.ocp.conditions import NodeBounds
 from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.refinement import halved
 from geodesic_ocp.ocp.transcription import Units
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, parameters
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -118,11 +118,6 @@ class ArmPart:
         return replace(self, grid=halved(self.grid, coarse), last_segments=last)
 
     @property
-    def within_reach(self) -> tuple[bool, ...]:
-        """Return which poses are equalities (m + 1,)."""
-        return tuple((self.missed == 0.0).tolist())
-
-    @property
     def dof(self) -> int:
         """Number n of joints."""
         return self.waypoints.arm.dof
@@ -175,15 +170,10 @@ class ArmPart:
             first: index of the first of the arm's variables.
             weights: weights of the objective.
         """
-        given, rows = self.waypoints, []
-        count = given.count + 1
-        for number, pose in enumerate(given.poses):
-            missed = np.zeros(6)
-            missed[list(given.rows)] = self.missed[number] * count * given.row_weights**2
-            offset = None if given.offsets is None else given.offsets[number]
-            rows.append(parameters(pose, missed, offset, weights.posture, weights.likeness))
+        given, count = self.waypoints, self.waypoints.count + 1
+        rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed)]
         places = first + self.dof * np.array(self.waypoint_nodes)[:, None] + np.arange(self.dof)
-        free = ~np.array(self.within_reach)
+        free = self.missed > 0.0
         free[0] |= given.start is not None
         upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
         share = np.full(count, 1.0 / count)
@@ -283,7 +273,7 @@ class MotionProgram:
     parts: Sequence[ArmPart]
     edges: Array
     weights: ObjectiveWeights
-    clearance: Clearance | None = None
+    clearance: Clearance
     rows: Mapping[tuple[int, float], float] = field(default_factory=dict)
 
     @cached_property
@@ -331,7 +321,6 @@ class MotionProgram:
     def _distances(self) -> list[Block]:
         blocks, order = [], sorted(self.rows)
         for number in dict.fromkeys(number for number, _ in order):
-            assert self.clearance is not None
             here = [k for k, (other, _) in enumerate(order) if other == number]
             matrices = []
             for k in here:

@@ -19,12 +19,15 @@ from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.figures.analysis_figure import draw_overview, widest_of_thirds
 from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.records import write_together
-from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
+from geodesic_ocp.retargeting.arm_result import (
+    NEAR_MISS,
+    TOO_NEAR,
+    RetargetedArm,
+    compare_under_equal_limits,
+)
 from geodesic_ocp.retargeting.retargeting_strips import retargeting_strips
 from geodesic_ocp.retargeting.settings import TOUCHING, RetargetingSettings, in_check
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
-from geodesic_ocp.retargeting.transfer import NEAR_MISS, TOO_NEAR
 from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -80,7 +83,7 @@ class Retargeting:
     @cached_property
     def trajectory(self) -> JointTrajectory:
         """The robot's trajectory: all joints at a uniform rate, by default from rest to rest."""
-        return JointTrajectory.side_by_side([arm.trajectory for arm in self.arms], self.joint_names)
+        return self.planned.sampled(self.rate)
 
     @cached_property
     def motion(self) -> Motion:

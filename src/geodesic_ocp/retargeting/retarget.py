@@ -22,9 +22,15 @@ from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.retargeting.alignment.align import align
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
-from geodesic_ocp.retargeting.arm_result import RetargetedArm
+from geodesic_ocp.retargeting.arm_result import (
+    OutOfReach,
+    RetargetedArm,
+    Transfer,
+    transfers_on,
+    unattained,
+)
 from geodesic_ocp.retargeting.candidates import first_candidates
-from geodesic_ocp.retargeting.key_poses import PairedArm, PoseMapping
+from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
 from geodesic_ocp.retargeting.reachability import reachability
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
@@ -34,14 +40,7 @@ from geodesic_ocp.retargeting.settings import (
     of_trajectory,
 )
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
-from geodesic_ocp.retargeting.transfer import (
-    FreeGeodesics,
-    OutOfReach,
-    Transfer,
-    transfers_on,
-    unattained,
-)
-from geodesic_ocp.retargeting.waypoints import arm_waypoints
+from geodesic_ocp.retargeting.waypoints import PairedArm, PoseMapping, arm_waypoints
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
@@ -182,10 +181,13 @@ def retarget_arms(
             for number, (pair, each) in enumerate(zip(pairs, far, strict=True))
         ]
     else:
-        free = [FreeGeodesics.of(*each) for each in zip(pairs, start_of_each, strict=True)]
-        far = [each.out_of_reach for each in free]
+        free = [free_ends(*each) for each in zip(pairs, start_of_each, strict=True)]
+        far = [each[2] for each in free]
         _warn_out_of_reach(pairs, far)
-        transfers = [each.transfers(throw, report) for each in free]
+        transfers = [
+            free_geodesics(pair, begin, ends, throw, report)
+            for pair, (begin, ends, _) in zip(pairs, free, strict=True)
+        ]
     planned = _in_time(pairs, transfers, paths, clearance, throw, report)
     retargeted = tuple(
         RetargetedArm.retargeted(*each, planned, number, rate)
