@@ -11,7 +11,7 @@ import geodesic_ocp as go
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
-from geodesic_ocp.retargeting.alignment.align import align
+from geodesic_ocp.retargeting.arm_alignment import align
 from geodesic_ocp.retargeting.arm_result import compare_under_equal_limits
 from geodesic_ocp.retargeting.waypoints import PoseMapping
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.nearest_poses import NearestPoses, nearest_poses, search_range
 from geodesic_ocp.tables import new_table
 

@@ -20,8 +20,7 @@ from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.retargeting.alignment.align import align
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
+from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
 from geodesic_ocp.retargeting.arm_result import (
     OutOfReach,
     RetargetedArm,

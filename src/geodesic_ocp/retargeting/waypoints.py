@@ -26,7 +26,7 @@ from geodesic_ocp.ocp.inverse_kinematics import (
     nearest_configuration,
 )
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance, pose_difference, rotation_log
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analyse import Analysis
