@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -51,7 +52,6 @@ class Clearance(ShortRepr):
     lower: Array
     names: tuple[str, ...]
     exact: Callable[[Array, int], float] | None = None
-    _rows: dict[int, ca.Function] = field(default_factory=dict, init=False)
     _shown = ("names", "lower", "dof")
 
     @property
@@ -67,11 +67,13 @@ class Clearance(ShortRepr):
         """
         if not 0 <= index < len(self.names):
             raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
-        if index not in self._rows:
-            q = ca.SX.sym("q", self.dof)
-            outputs = [self.function(q)[index]]
-            self._rows[index] = ca.Function(f"distance_{index}", [q], outputs, ["q"], ["d"])
-        return self._rows[index]
+        return _row(self.function, index)
+
+
+@lru_cache(maxsize=256)
+def _row(function: ca.Function, index: int) -> ca.Function:
+    q = ca.SX.sym("q", function.size1_in(0))
+    return ca.Function(f"distance_{index}", [q], [function(q)[index]], ["q"], ["d"])
 
 
 def keep_clear(

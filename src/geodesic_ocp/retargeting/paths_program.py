@@ -329,7 +329,7 @@ class MotionProgram:
                 matrices += [place_at(self.parts, self.size, order[k][1]), one]
             places = scipy.sparse.vstack(matrices, format="csr")
             lower = np.array([[self.rows[order[k]]] for k in here])
-            terms = _distance(self.clearance, number)
+            terms = _distance(self.clearance.row(number))
             blocks.append(Block(terms, places, None, lower, np.full_like(lower, np.inf)))
         return blocks
 
@@ -385,7 +385,7 @@ def _identity() -> Terms:
 
 
 @lru_cache(maxsize=256)
-def _distance(clearance: Clearance, number: int) -> Terms:
+def _distance(row: ca.Function) -> Terms:
     """Return a distance and its slack."""
-    q, slack = ca.SX.sym("q", clearance.dof), ca.SX.sym("slack")
-    return Terms(ca.vertcat(q, slack), constraints=clearance.row(number)(q) + slack)
+    q, slack = ca.SX.sym("q", row.size1_in(0)), ca.SX.sym("slack")
+    return Terms(ca.vertcat(q, slack), constraints=row(q) + slack)
