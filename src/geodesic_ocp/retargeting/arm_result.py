@@ -22,6 +22,7 @@ from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.candidates import Candidates
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.retargeting.waypoints import (
     REACHED,
@@ -250,6 +251,11 @@ class RetargetedArm(PairedArm):
             orientation=errors.orientation,
             limit_violation=max(0.0, float(outside.max())),
         )
+
+    def seconds(self, group: SynergyGroup) -> float:
+        """Return the person's time for one of the groups [s]."""
+        time = self.analysis.motion.time
+        return float(time[group.stop] - time[group.start])
 
     @property
     def has_speed_limits(self) -> bool:

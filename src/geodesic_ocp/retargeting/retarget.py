@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -257,27 +258,24 @@ def _in_time(
     """
     settings = pairs[0].settings
     arms = [_along_paths(*each) for each in zip(pairs, transfers, strict=True)]
-    kept: list[Clearance] = []
+    plan = partial(
+        plan_trajectory,
+        arms,
+        rest=settings.rest,
+        deviation_weight=settings.deviation_weight,
+        progress=report,
+    )
     if clearance is not None and paths is not None:
-        kept.append(of_trajectory(clearance, paths.least_distances, paths.kept))
-    for distances in (kept, []) if kept else ([],):
-        planned = plan_trajectory(
-            arms,
-            rest=settings.rest,
-            deviation_weight=settings.deviation_weight,
-            clearances=distances,
-            progress=report,
-            throw=throw and not distances,
-        )
+        kept = of_trajectory(clearance, paths.least_distances, paths.kept)
+        planned = plan(clearances=[kept], throw=False)
         if planned.success:
             return planned
-        if distances:
-            warnings.warn(
-                f"the trajectory does not keep the distances of the paths: {planned.status}",
-                UserWarning,
-                4,
-            )
-    return planned
+        warnings.warn(
+            f"the trajectory does not keep the distances of the paths: {planned.status}",
+            UserWarning,
+            4,
+        )
+    return plan(throw=throw)
 
 
 def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
@@ -324,15 +322,12 @@ def _one_each(name: str, given: Any, count: int) -> list[Any]:
 def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignment]:
     """Return one for each model, by default the model's own."""
     found = _one_each(name, given, len(models))
-    for each in found:
+    for k, (model, each) in enumerate(zip(models, found, strict=True)):
         if each is not None and not isinstance(each, Alignment):
             raise ValueError(f"{name} must be of Alignment, got {each!r}")
-    aligned = [
-        align(model) if each is None else each for model, each in zip(models, found, strict=True)
-    ]
-    for model, each in zip(models, aligned, strict=True):
-        check_joints(each, model)
-    return aligned
+        found[k] = align(model) if each is None else each
+        check_joints(found[k], model)
+    return found
 
 
 def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[OutOfReach]) -> None:

@@ -158,7 +158,6 @@ class RetargetingSettings(ShortRepr):
         return self.position_weight or 1.0, self.orientation_weight or 1.0
 
 
-TOUCHING = 1e-3  # [m]
 _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
 _MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
@@ -223,8 +222,3 @@ def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Cl
     some = list(kept)
     bound[some] = np.minimum(clearance.lower[some], least[some] - _LESS)
     return replace(clearance, lower=bound)
-
-
-def in_check(clearance: Clearance) -> Clearance:
-    """Return the clearance with the bounds of a check of the trajectory: links must not touch."""
-    return replace(clearance, lower=np.full(len(clearance.names), TOUCHING))
