@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import groupby, pairwise
 from typing import Any
 
 import casadi as ca
@@ -128,11 +129,6 @@ class ArmPart:
         return self.grid.size * self.dof
 
     @property
-    def waypoint_nodes(self) -> list[int]:
-        """Nodes of the grid at the waypoints (m + 1,)."""
-        return [0, *(self.grid.degree * last for last in self.last_segments)]
-
-    @property
     def moving_time(self) -> float:
         """Sum of the movements' durations [s]."""
         return float(self.waypoints.durations.sum())
@@ -154,13 +150,13 @@ class ArmPart:
         transcription = self.definition.structure.transcription(self.grid)
         found, row = [], 0
         for block in transcription.blocks(ca.DM(units.parameters(self.grid)), first):
-            sides = (
-                each[row : row + block.size_g].reshape(block.count, -1)
+            here = slice(row, row + block.size_g)
+            lower, upper = (
+                each[here].reshape(block.count, -1)
                 for each in (self.bounds.lower_g, self.bounds.upper_g)
             )
-            lower, upper = sides
             found.append(replace(block, lower=lower, upper=upper))
-            row += block.size_g
+            row = here.stop
         return [*found, self.waypoint_block(first, weights)]
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
@@ -172,7 +168,8 @@ class ArmPart:
         """
         given, count = self.waypoints, self.waypoints.count + 1
         rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed)]
-        places = first + self.dof * np.array(self.waypoint_nodes)[:, None] + np.arange(self.dof)
+        nodes = self.grid.degree * np.array([0, *self.last_segments])
+        places = first + self.dof * nodes[:, None] + np.arange(self.dof)
         free = self.missed > 0.0
         free[0] |= given.start is not None
         upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
@@ -189,29 +186,21 @@ class ArmPart:
         Args:
             intervals: for each movement the share of each interval in its duration.
         """
-        n, given, degree = self.dof, self.waypoints, self.grid.degree
-        rows: list[int] = []
-        columns: list[int] = []
-        entries: list[float] = []
-        times: list[Array] = []
-        breakpoints, first = self.grid.breakpoints, 0
-        for number, last in enumerate(self.last_segments):
-            middle = int(
-                np.argmin(np.abs(2.0 * breakpoints - breakpoints[first] - breakpoints[last]))
-            )
-            pieces = [(first, last)] if last - first == 1 else [(first, middle), (middle, last)]
-            joints = np.flatnonzero(np.isfinite(given.speed[number]))
-            for begin, end in pieces:
+        given, breakpoints = self.waypoints, self.grid.breakpoints
+        unit = scipy.sparse.eye_array(self.size, format="csr")
+        nodes = self.grid.degree * self.dof * np.arange(breakpoints.size)[:, None]
+        matrices, times = [], list[Array]()
+        for number, (first, last) in enumerate(pairwise([0, *self.last_segments])):
+            limited = np.isfinite(given.speed[number])
+            joints = np.repeat(np.flatnonzero(limited), 2)  # in both directions
+            speed = given.speed[number, joints] * np.tile([1.0, -1.0], limited.sum())
+            middle = np.abs(2.0 * breakpoints - breakpoints[first] - breakpoints[last]).argmin()
+            for begin, end in pairwise(dict.fromkeys([first, int(middle), last])):
                 seconds = self.moving_time * (breakpoints[end] - breakpoints[begin])
-                for joint in joints:
-                    scale = 1.0 / (given.speed[number, joint] * seconds)
-                    for sign in (scale, -scale):
-                        rows += [len(times), len(times)]
-                        columns += [degree * end * n + int(joint), degree * begin * n + int(joint)]
-                        entries += [sign, -sign]
-                        times.append(intervals[number])
-            first = last
-        matrix = scipy.sparse.coo_array((entries, (rows, columns)), (len(times), self.size))
+                step = unit[nodes[end] + joints] - unit[nodes[begin] + joints]
+                matrices.append(step.multiply(1.0 / (speed * seconds)[:, None]))
+                times += [intervals[number]] * joints.size
+        matrix = scipy.sparse.vstack(matrices, format="coo")
         return matrix, np.reshape(times, (len(times), len(intervals[0])))
 
     def nodes_on_lines(self, q: Array) -> Array:
@@ -229,16 +218,14 @@ class ArmPart:
 
     def paths(self, nodes: Array) -> list[Path]:
         """Return the path of each movement."""
-        grid, found, first = self.grid, [], 0
-        for last in self.last_segments:
+        grid, found = self.grid, []
+        for first, last in pairwise([0, *self.last_segments]):
             ends = grid.breakpoints[first : last + 1]
             ends = (ends - ends[0]) / (ends[-1] - ends[0])
-            part = Grid(
-                last - first, grid.degree, tuple(ends.tolist()) if last - first > 1 else None
-            )
+            several = tuple(ends.tolist()) if last - first > 1 else None
             here = nodes[grid.degree * first : grid.degree * last + 1]
+            part = Grid(last - first, grid.degree, several)
             found.append(Path(metric_of(self.waypoints.arm), part, here))
-            first = last
         return found
 
 
@@ -320,17 +307,16 @@ class MotionProgram:
 
     def _distances(self) -> list[Block]:
         blocks, order = [], sorted(self.rows)
-        for number in dict.fromkeys(number for number, _ in order):
-            here = [k for k, (other, _) in enumerate(order) if other == number]
-            matrices = []
-            for k in here:
-                slack = self.offsets[-1] + k
-                one = scipy.sparse.csr_array(([1.0], ([0], [slack])), (1, self.size))
-                matrices += [place_at(self.parts, self.size, order[k][1]), one]
+        unit = scipy.sparse.eye_array(self.size, format="csr")
+        for number, group in groupby(enumerate(order, self.offsets[-1]), key=lambda row: row[1][0]):
+            matrices, lower = [], []
+            for slack, row in group:
+                matrices += [place_at(self.parts, self.size, row[1]), unit[[slack]]]
+                lower.append([self.rows[row]])
             places = scipy.sparse.vstack(matrices, format="csr")
-            lower = np.array([[self.rows[order[k]]] for k in here])
             terms = _distance(self.clearance.row(number))
-            blocks.append(Block(terms, places, None, lower, np.full_like(lower, np.inf)))
+            upper = np.full_like(lower, np.inf)
+            blocks.append(Block(terms, places, None, np.array(lower), upper))
         return blocks
 
     @cached_property

@@ -321,10 +321,8 @@ def warn_of_detours(result: Retargeting) -> None:
 
 
 def _of_arm(arm: RetargetedArm) -> Iterator[str]:
-    time, parts = (
-        arm.analysis.motion.time,
-        zip(arm.groups, arm.transfers, arm.synergies, strict=True),
-    )
+    time = arm.analysis.motion.time
+    parts = zip(arm.groups, arm.transfers, arm.synergies, strict=True)
     for number, (group, transfer, synergy) in enumerate(parts, 1):
         if group.kind == "rest":
             continue

@@ -211,7 +211,7 @@ class SynergyPaths(ShortRepr, Problem):
         distances.
         """
         definitions = [replace(self, arms=(arm,)).definition() for arm in self.arms]
-        before: list[list[Array]] = []
+        before: list[Array] = []
         for clearance in dict.fromkeys((None, self.clearance)):
             parts, nodes, lines = [], [], []
             for number, arm in enumerate(self.arms):
@@ -221,9 +221,10 @@ class SynergyPaths(ShortRepr, Problem):
                     ArmPart.evenly(arm, definitions[number], start.missed, _SEGMENTS, _DEGREE)
                 )
                 nodes.append(parts[-1].nodes_on_lines(start.q))
-                lines.append(start.q)
-            if not any(all(map(_similar, lines, others)) for others in before):
-                before.append(lines)
+                lines.append(start.q.ravel())
+            q = np.concatenate(lines)
+            if all(np.abs(q - others).max() >= _SIMILAR for others in before):
+                before.append(q)
                 yield _Iterate(
                     tuple(parts), tuple(nodes), near_misses=tuple(part.missed > 0 for part in parts)
                 )
@@ -373,10 +374,6 @@ def _planned(
         least_distances=rounds.clearance.function(q.T).full().min(axis=1),
         too_near=_lacking_distances(rounds.clearance, iterate),
     )
-
-
-def _similar(one: Array, other: Array) -> bool:
-    return bool(np.abs(one - other).max() < _SIMILAR)
 
 
 def _score(iterate: _Iterate, rounds: _Rounds) -> float:
