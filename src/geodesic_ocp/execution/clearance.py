@@ -113,12 +113,13 @@ def keep_clear(
             apart = segment_distance(first, second) - (radius + other_radius)
             add_named(distances, f"{one} to {other}", apart + wider)
             solids.append((placed.by_name[one], placed.by_name[other]))
+    moving = [each.name for each in placed.solids if each.moves]
     for number, obstacle in enumerate(obstacles):
-        fixed = _fixed_obstacle(obstacle)
-        for link in (each.name for each in placed.solids if each.moves):
+        _check_obstacle(obstacle)
+        for link in moving:
             name = f"{link} to {obstacle.name or f'obstacle {number}'}"
             for segment, radius in segments[link]:
-                for found in _from_obstacle(segment, radius, fixed):
+                for found in _from_obstacle(segment, radius, obstacle):
                     add_named(distances, name, found)
                     solids.append(None)
     if not distances:
@@ -191,25 +192,21 @@ def _pairs(
     return placed, named, [0.0] * len(named)
 
 
-def _fixed_obstacle(obstacle: Obstacle) -> HalfSpace | Capsule:
+def _check_obstacle(obstacle: Obstacle) -> None:
     if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
         raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
-    if isinstance(obstacle, HalfSpace):
-        return obstacle
-    if obstacle.link is not None:
+    if not isinstance(obstacle, HalfSpace) and obstacle.link is not None:
         raise ValueError(
             f"obstacles must not be fixed to a link, as to {obstacle.link!r}; add what a link "
             "carries with Model.with_bodies"
         )
-    return as_capsule(obstacle)
 
 
-def _from_obstacle(
-    segment: LineSegment, radius: float, obstacle: HalfSpace | Capsule
-) -> Sequence[ca.SX]:
+def _from_obstacle(segment: LineSegment, radius: float, obstacle: Obstacle) -> Sequence[ca.SX]:
     if isinstance(obstacle, HalfSpace):
         return half_space_distances(segment, radius, obstacle)
-    return [segment_distance(segment, line_segment(obstacle)) - (radius + obstacle.radius)]
+    capsule = as_capsule(obstacle)
+    return [segment_distance(segment, line_segment(capsule)) - (radius + capsule.radius)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

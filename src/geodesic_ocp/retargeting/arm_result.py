@@ -101,15 +101,16 @@ def transfers_on(
     pair: PairedArm, paths: PlannedPaths, arm: int, out_of_reach: OutOfReach
 ) -> list[Transfer]:
     """Return the transfers of the arm with this number, from the program over all synergies."""
-    each, q = iter(paths.paths[arm]), paths.starts[arm]
-    within, missed = iter(paths.within_reach[arm][1:]), iter(paths.near_misses[arm][1:])
-    found: list[Transfer] = []
+    moved = zip(
+        *(paths.paths[arm], paths.within_reach[arm][1:], paths.near_misses[arm][1:]), strict=False
+    )
+    found, q = list[Transfer](), paths.paths[arm][0].nodes[0]
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":
             found.append(at_rest(pair.robot, q))
             continue
-        path, is_attained, was_missed, status = next(each), next(within), next(missed), paths.status
-        q, pose = path.nodes[-1], pair.target(group.stop)
+        path, is_attained, was_missed = next(moved)
+        q, pose, status = path.nodes[-1], pair.target(group.stop), paths.status
         if number in out_of_reach:
             status = OUT_OF_REACH
         elif not is_attained:

@@ -24,9 +24,9 @@ from geodesic_ocp.retargeting.waypoints import (
     REACHED,
     PairedArm,
     Pose,
-    checked_start,
     middle_of_ranges,
     nearest_configurations,
+    start_of,
 )
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -57,7 +57,7 @@ def free_ends(
         first, middle = pair.target(pair.groups[0].start), middle_of_ranges(robot)[0]
         near = nearest_configurations(robot, middle, first, *placed, enough=_SOLUTIONS)[0]
     else:
-        near = checked_start(robot, start, settings)
+        near = start_of(robot, start, settings)
     begin, ends, far = near, list[Array | None](), {}
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":

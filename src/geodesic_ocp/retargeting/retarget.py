@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.limits import JointLimits, joint_limits
+from geodesic_ocp.execution.limits import JointLimits, checked_limits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
@@ -233,10 +233,8 @@ def _paired(
 
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
     """Return the given limits, those of the robot, or none at all."""
-    if given is not None and (
-        not isinstance(given, JointLimits) or given.velocity.size != robot.dof
-    ):
-        raise ValueError(f"limits must be JointLimits of {robot.dof} joints, got {given!r}")
+    if given is not None:
+        checked_limits(robot, given)
     if not settings.speed_limits:
         none = np.full(robot.dof, np.inf)
         return JointLimits(none, none, none, none, {"velocity": "left out"})

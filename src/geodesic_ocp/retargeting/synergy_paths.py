@@ -64,7 +64,6 @@ class PlannedPaths(ShortRepr):
 
     Attributes:
         problem: problem that was solved.
-        starts: configurations in which the arms begin.
         paths: paths of the movements of each arm.
         within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
             nor with links too near each other.
@@ -83,7 +82,6 @@ class PlannedPaths(ShortRepr):
     """
 
     problem: SynergyPaths
-    starts: tuple[Array, ...]
     paths: tuple[tuple[Path, ...], ...]
     within_reach: tuple[tuple[bool, ...], ...]
     near_misses: tuple[tuple[bool, ...], ...]
@@ -359,7 +357,6 @@ def _planned(
     _, q = _positions(iterate)
     return PlannedPaths(
         problem=problem,
-        starts=tuple(each[0] for each in iterate.nodes),
         paths=tuple(tuple(part.paths(each)) for part, each in pairs),
         within_reach=tuple(tuple((part.missed == 0.0).tolist()) for part in iterate.parts),
         near_misses=tuple(tuple(each.tolist()) for each in iterate.near_misses),

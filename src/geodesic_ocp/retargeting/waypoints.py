@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Terms
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits, checked_start
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.inverse_kinematics import (
@@ -112,21 +112,14 @@ def nearest_configurations(
         return [nearest_configuration(*placed, weights, limits, collisions)]
 
 
-def checked_start(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> Array:
+def start_of(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> Array:
     """Return the configuration (n,) to begin in.
 
     Raises:
         ValueError: it is outside the limits, or too close to a collision body.
     """
-    start = as_vector("start", given, robot.dof)
-    if settings.within_limits:
-        for joint, value, low, high in zip(
-            robot.joint_names, start, robot.lower, robot.upper, strict=True
-        ):
-            if not low <= value <= high:
-                raise ValueError(
-                    f"start: {joint} is at {value:.4g}, outside its limits {low:.4g} to {high:.4g}"
-                )
+    within = settings.within_limits
+    start = checked_start(robot, given) if within else as_vector("start", given, robot.dof)
     obstacles, links, pairs, margin = settings.collisions
     distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
     for name, distance in distances.items():
@@ -465,7 +458,7 @@ def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) ->
         ends=ends,
         poses=tuple(pair.target(sample) for sample in samples),
         between=tuple(pair.as_pose(*each) for each in zip(*between, strict=True)),
-        start=None if start is None else checked_start(pair.robot, start, settings),
+        start=None if start is None else start_of(pair.robot, start, settings),
         limits=pair.limits,
         offsets=offsets,
         near_misses=settings.near_misses,
