@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
@@ -26,7 +25,6 @@ from geodesic_ocp.retargeting.waypoints import (
     Pose,
     middle_of_ranges,
     nearest_configurations,
-    start_of,
 )
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -38,26 +36,19 @@ _ANYWHERE = 0.2  # how near inverse kinematics comes to the configuration it sta
 _SAME = 0.1  # [rad or m]
 
 
-def free_ends(
-    pair: PairedArm, start: ArrayLike | None
-) -> tuple[Array, list[Array | None], OutOfReach]:
+def free_ends(pair: PairedArm) -> tuple[Array, list[Array | None], OutOfReach]:
     """Return configurations in which the free geodesics of a robot begin and are to end.
 
     Returns:
         The start, or a configuration with the first pose near the middle of the ranges; for each
         group a configuration with its pose, or with the nearest one, and None where it rests; the
         poses that these do not attain.
-
-    Raises:
-        ValueError: a given start is out of range.
     """
     robot, settings = pair.robot, pair.settings
     placed = settings.within_limits, settings.pose_weights
-    if start is None:
+    if (near := pair.start) is None:
         first, middle = pair.target(pair.groups[0].start), middle_of_ranges(robot)[0]
         near = nearest_configurations(robot, middle, first, *placed, enough=_SOLUTIONS)[0]
-    else:
-        near = start_of(robot, start, settings)
     begin, ends, far = near, list[Array | None](), {}
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":

@@ -161,13 +161,11 @@ def retarget_arms(
     tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
     if not (isinstance(problem, type) and issubclass(problem, SynergyPaths)):
         raise ValueError(f"problem must be SynergyPaths or a subclass of it, got {problem!r}")
-    pairs = _paired(analyses, robots, alignments, person_alignments, limits, settings)
-    start_of_each = _one_each("starts", starts, len(pairs))
+    pairs = _paired(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
     if settings.constrained:
-        both = zip(pairs, start_of_each, strict=True)
-        arms = [arm_waypoints(pair, start, tolerance) for pair, start in both]
+        arms = [arm_waypoints(pair, tolerance) for pair in pairs]
         candidates = [tuple(first_candidates(arm)) for arm in arms]
         far = [unattained(*each) for each in zip(pairs, arms, candidates, strict=True)]
         _warn_out_of_reach(pairs, far)
@@ -181,7 +179,7 @@ def retarget_arms(
             for number, (pair, each) in enumerate(zip(pairs, far, strict=True))
         ]
     else:
-        free = [free_ends(*each) for each in zip(pairs, start_of_each, strict=True)]
+        free = [free_ends(pair) for pair in pairs]
         far = [each[2] for each in free]
         _warn_out_of_reach(pairs, far)
         transfers = [
@@ -206,6 +204,7 @@ def _paired(
     alignments: Any,
     person_alignments: Any,
     limits: Any,
+    starts: Any,
     settings: RetargetingSettings,
 ) -> list[PairedArm]:
     """Return persons' arms and robots, from the arguments of `retarget_arms`."""
@@ -219,15 +218,15 @@ def _paired(
         raise ValueError(f"settings must be RetargetingSettings, got {settings!r}")
     targets = _alignments("alignments", alignments, robots)
     sources = _alignments("person_alignments", person_alignments, [a.model for a in analyses])
-    given = _one_each("limits", limits, len(robots))
+    given = (_one_each(*each, len(robots)) for each in (("limits", limits), ("starts", starts)))
     pairs = []
-    for analysis, robot, source, target, limit in zip(
-        analyses, robots, sources, targets, given, strict=True
+    for analysis, robot, source, target, limit, start in zip(
+        analyses, robots, sources, targets, *given, strict=True
     ):
         heavier = with_rotor_inertia(robot) if settings.rotor_inertia else robot
         mapping = PoseMapping.between(analysis.model, source, target, settings)
         bound = _limits(heavier, limit, settings)
-        pairs.append(PairedArm.of(analysis, heavier, mapping, bound, settings))
+        pairs.append(PairedArm.of(analysis, heavier, mapping, bound, settings, start))
     return pairs
 
 

@@ -213,6 +213,7 @@ class PairedArm(ShortRepr):
         limits: limits of its joints.
         settings: settings of the retargeting.
         groups: how the person's synergies were dropped and merged.
+        start: configuration (n,) to begin in; None: any with the first pose.
         target_poses: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, mapped from the
             person to the robot's base frame, at all samples.
     """
@@ -223,6 +224,7 @@ class PairedArm(ShortRepr):
     limits: JointLimits
     settings: RetargetingSettings
     groups: tuple[SynergyGroup, ...]
+    start: Array | None
     target_poses: tuple[Array, Array]
     _shown = ("robot", "mapping")
 
@@ -234,15 +236,17 @@ class PairedArm(ShortRepr):
         mapping: PoseMapping,
         limits: JointLimits,
         settings: RetargetingSettings,
+        start: ArrayLike | None,
     ) -> PairedArm:
         """Return the key poses of a motion, with synergies merged and poses mapped.
 
         Raises:
-            ValueError: the lengths to drop and merge are out of range.
+            ValueError: the lengths to drop and merge are out of range, or the start is.
         """
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
+        begin = None if start is None else start_of(robot, start, settings)
         poses = mapping(analysis.motion.q)
-        return cls(analysis, robot, mapping, limits, settings, groups, poses)
+        return cls(analysis, robot, mapping, limits, settings, groups, begin, poses)
 
     @property
     def gravity(self) -> Array:
@@ -427,16 +431,12 @@ class ArmWaypoints(ShortRepr):
         return np.concatenate([position, rotation.ravel(order="F"), missed_rows, offset, costs])
 
 
-def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) -> ArmWaypoints:
+def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
     """Return the waypoints of a person's motion on a robot.
 
     Args:
         pair: person and robot.
-        start: configuration (n,) to begin in; None: any with the first pose.
         tolerance: tolerance of the paths' conditions.
-
-    Raises:
-        ValueError: the start is out of range.
     """
     settings, mapping, motion = pair.settings, pair.mapping, pair.analysis.motion
     moving = [group for group in pair.groups if group.kind != "rest"]
@@ -458,7 +458,7 @@ def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) ->
         ends=ends,
         poses=tuple(pair.target(sample) for sample in samples),
         between=tuple(pair.as_pose(*each) for each in zip(*between, strict=True)),
-        start=None if start is None else start_of(pair.robot, start, settings),
+        start=pair.start,
         limits=pair.limits,
         offsets=offsets,
         near_misses=settings.near_misses,
