@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
+from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import errors_and_twists, pose_steps, search_bounds
 from geodesic_ocp.retargeting.arm_alignment import Alignment
@@ -312,6 +313,7 @@ def reachability(
     )
     if not unreachable:
         return Reachability(len(placed), (), None, len(placed), "")
+    mounting: Mounting | None
     mounting, helped = _best(robot, alignment, turned, placed, found)
     if helped <= int(attained.sum()):
         mounting, helped = None, int(attained.sum())
@@ -356,37 +358,35 @@ def _best(
     rotations: Array | None,
     positions: Array,
     found: NearestPoses,
-) -> tuple[Mounting | None, int]:
+) -> tuple[Mounting, int]:
     """Return the mounting with the most poses within reach, and their number."""
+    turned = np.tile(np.eye(3), (len(positions), 1, 1)) if rotations is None else rotations
+    person = alignment.to_person(turned, positions)
+
+    def within_reach(mounting: Mounting, some: Indices, starts: Array, steps: int) -> int:
+        mapped, placed = mounting.poses(*(each[some] for each in person))
+        wanted = None if rotations is None else mapped
+        return int(_attained(nearest_poses(robot, wanted, placed, starts, steps)).sum())
+
     # Poses as far from reach as possible decide; the others are nearly always kept.
     order = np.argsort(-(found.distances + found.angles), kind="stable")[:_MOST_POSES]
-    person = alignment.to_person(
-        np.repeat(np.eye(3)[None], len(positions), axis=0) if rotations is None else rotations,
-        positions,
-    )
-    some = np.random.default_rng(1).uniform(
+    random = np.random.default_rng(1).uniform(
         *search_range(robot), (len(order), _FEW_STARTS - 1, robot.dof)
     )
-    starts = np.concatenate([found.q[order][:, None], some], axis=1)
-    best: Mounting | None = None
-    most = -1
+    starts = np.concatenate([found.q[order][:, None], random], axis=1)
     _, nearest = robot.hand_pose(found.q)
     far = found.distances > _WITHIN
     missed = (positions - nearest)[far].mean(axis=0) if np.any(far) else np.zeros(3)
+    best, most = None, -1
     for mounting in mountings(alignment, missed):
-        turned, placed = mounting.poses(person[0][order], person[1][order])
-        given = None if rotations is None else turned
-        number = int(_attained(nearest_poses(robot, given, placed, starts, _FEW_STEPS)).sum())
+        number = within_reach(mounting, order, starts, _FEW_STEPS)
         if number > most:
             best, most = mounting, number
         if most == len(order):
             break
-    if best is None:
-        return None, 0
-    turned, placed = best.poses(*person)
-    every = _random_starts(robot, len(placed))
-    given = None if rotations is None else turned
-    return best, int(_attained(nearest_poses(robot, given, placed, every, _STEPS)).sum())
+    assert best is not None
+    every = np.arange(len(positions))
+    return best, within_reach(best, every, _random_starts(robot, every.size), _STEPS)
 
 
 def _advice(

@@ -34,9 +34,9 @@ from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
 from geodesic_ocp.retargeting.reachability import reachability
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
+    BEYOND,
     RetargetingSettings,
     motion_clearance,
-    of_paths,
     of_trajectory,
 )
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
@@ -170,7 +170,7 @@ def retarget_arms(
         far = [unattained(*each) for each in zip(pairs, arms, candidates, strict=True)]
         _warn_out_of_reach(pairs, far)
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
-        kept = None if clearance is None else of_paths(clearance)
+        kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
         motion = problem(tuple(arms), tuple(candidates), kept, *weights, tolerance, report)
         found: Any = solve(motion, throw=throw)
         paths = found

@@ -159,7 +159,7 @@ class RetargetingSettings(ShortRepr):
 
 
 _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
-_MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
+BEYOND = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
 
 
@@ -200,11 +200,6 @@ def _links_apart(robots: tuple[Model, ...], margin: float) -> Clearance | None:
     close = {f"{one} to {other}" for one, other in pairs.exact_only}
     wide = [name.partition(" (")[0] in close for name in every.names]
     return replace(every, lower=np.where(wide, _CLOSE, every.lower))
-
-
-def of_paths(clearance: Clearance) -> Clearance:
-    """Return the clearance with the bounds that paths keep."""
-    return replace(clearance, lower=np.asarray(clearance.lower) + _MORE)
 
 
 def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Clearance:
