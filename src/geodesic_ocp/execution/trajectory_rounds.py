@@ -244,7 +244,7 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
 
     def solve(given: _Start) -> TrajectoryAttempt:
         progress(len(attempts))
-        attempts.append(_attempt(*given, most))
+        attempts.append(_attempt(given, most))
         return attempts[-1]
 
     def examine(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
@@ -267,13 +267,8 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
     return replace(kept, iterations=sum(each.iterations for each in attempts))
 
 
-def _attempt(
-    program: TrajectoryProgram,
-    before: KnotStates,
-    references: Sequence[Reference],
-    watched: Watched,
-    most: int,
-) -> TrajectoryAttempt:
+def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
+    program, before, references, watched = start
     outcome, clearance = program.solve(before, references, watched, most), program.clearance
     states = program.states(outcome.x)
     # Splines have none of the rounding that the program's equations leave at the knots.

@@ -176,7 +176,7 @@ class ArmPart:
         share = np.full(count, 1.0 / count)
         return Block(given.terms, places, np.array(rows), -upper, upper, share)
 
-    def speed_rows(self, intervals: Sequence[Array]) -> tuple[scipy.sparse.coo_array, Array]:
+    def speed_rows(self, intervals: Array) -> tuple[scipy.sparse.coo_array, Array]:
         """Return matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean
         speeds.
 
@@ -184,7 +184,7 @@ class ArmPart:
         over the halves of the movements, which leaves the paths in between as they are.
 
         Args:
-            intervals: for each movement the share of each interval in its duration.
+            intervals: for each movement the share of each interval in its duration, (m, intervals).
         """
         given, breakpoints = self.waypoints, self.grid.breakpoints
         unit = scipy.sparse.eye_array(self.size, format="csr")
@@ -201,7 +201,7 @@ class ArmPart:
                 matrices.append(step.multiply(1.0 / (speed * seconds)[:, None]))
                 times += [intervals[number]] * joints.size
         matrix = scipy.sparse.vstack(matrices, format="coo")
-        return matrix, np.reshape(times, (len(times), len(intervals[0])))
+        return matrix, np.reshape(times, (len(times), intervals.shape[1]))
 
     def nodes_on_lines(self, q: Array) -> Array:
         """Return positions at the nodes (size, n) on the straight lines between waypoints (m + 1,
@@ -279,11 +279,9 @@ class MotionProgram:
         """A (rows, nodes of all arms) and B (rows, intervals): A x <= 1 + B sigma."""
         steps, found = np.diff(self.edges), []
         for part in self.parts:
-            given, shares = part.waypoints, []
-            for begin, end in zip(given.begins, given.ends, strict=True):
-                inside = (self.edges[:-1] >= begin - 1e-9) & (self.edges[1:] <= end + 1e-9)
-                shares.append(np.where(inside, steps, 0.0) / (end - begin))
-            found.append(part.speed_rows(shares))
+            begins, ends = (each[:, None] for each in (part.waypoints.begins, part.waypoints.ends))
+            inside = (self.edges[:-1] >= begins - 1e-9) & (self.edges[1:] <= ends + 1e-9)
+            found.append(part.speed_rows(np.where(inside, steps, 0.0) / (ends - begins)))
         by_nodes = scipy.sparse.block_diag([each for each, _ in found], format="csr")
         return by_nodes, np.vstack([each for _, each in found])
 
