@@ -12,7 +12,6 @@ from scipy.interpolate import PchipInterpolator
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.motion_measures import (
-    ElbowOffsets,
     MotionMeasures,
     compare_with_tracking,
 )
@@ -324,31 +323,20 @@ def compare_under_equal_limits(
     clock = PchipInterpolator(planned.robot_edges, planned.edges)
     recorded = clock(np.minimum(trajectory.time, planned.robot_edges[-1]))
 
-    def poses(instants: Array) -> tuple[Array, Array]:
-        return mapping(motion(np.clip(instants, *motion.time[[0, -1]])))
+    def posture(instants: Array) -> Array:
+        return motion(np.clip(instants, *motion.time[[0, -1]]))
 
+    offsets = None
+    if has_elbow(own.robot, mapping.target) and has_elbow(mapping.model, mapping.source):
+        offset = elbow_function(own.robot, mapping.target)
+        offsets = (
+            lambda q: np.asarray(offset(q.T).full().T),
+            lambda instants: mapping.elbow_offsets(posture(instants)),
+        )
     return compare_with_tracking(
-        *(own.robot, trajectory, recorded, poses, own.limits),
+        *(own.robot, trajectory, recorded, lambda instants: mapping(posture(instants)), own.limits),
         gravity=own.gravity,
-        elbow_offsets=_elbow_offsets(mapping, motion, planned, arm),
+        elbow_offsets=offsets,
         turning=turning,
         placing=placing,
     )
-
-
-def _elbow_offsets(
-    mapping: PoseMapping, motion: Motion, planned: PlannedTrajectory, arm: int
-) -> ElbowOffsets | None:
-    """Return offsets of the elbows of the robot and of the person, if both are known."""
-    robot = planned.arms[arm].robot
-    if not (has_elbow(robot, mapping.target) and has_elbow(mapping.model, mapping.source)):
-        return None
-    offset = elbow_function(robot, mapping.target)
-
-    def of_robot(q: Array) -> Array:
-        return np.asarray(offset(q.T).full().T)
-
-    def of_person(instants: Array) -> Array:
-        return mapping.elbow_offsets(motion(np.clip(instants, *motion.time[[0, -1]])))
-
-    return of_robot, of_person

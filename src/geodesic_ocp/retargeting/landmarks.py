@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -147,20 +146,15 @@ def _shoulder(axes: JointAxes, arm: list[int], chain: float) -> tuple[Array, tup
     # joint can meet at the elbow.
     spherical = [first, arm[1:4]] if len(arm) == _ARM_JOINTS else [first]
     for group in (*spherical, *combinations(first, 2)):
-        if len(group) < 2 or _spread(axes, group) < _PARALLEL:
+        if len(group) < 2:
+            continue
+        pairs = combinations(axes.directions[[*group]], 2)
+        if max(np.linalg.norm(np.cross(one, other)) for one, other in pairs) < _PARALLEL:
             continue
         point, distance = nearest_point(axes.origins[[*group]], axes.directions[[*group]])
         if distance <= _MEETING * chain:
             return point, tuple(group)
     return axes.origins[arm[0]], ()
-
-
-def _spread(axes: JointAxes, group: Sequence[int]) -> float:
-    """Return the largest sine of an angle between two of the axes."""
-    return max(
-        float(np.linalg.norm(np.cross(axes.directions[one], axes.directions[other])))
-        for one, other in combinations(group, 2)
-    )
 
 
 def _stretched(robot: Model, home: Array, held: list[int], shoulder: Array) -> tuple[Array, float]:
@@ -209,20 +203,16 @@ def _elbow_and_wrist(
     else:
         return None, None
     elbow = arm[best]
+    along = hand - axes.origins[elbow]
+    across = np.sqrt(0.5) * np.linalg.norm(along)  # of axes that bend, rather than turn
     # The elbow's axis is at right angles to the arm; only the distance along the arm counts.
     behind = [
         number
         for number in arm[best + 1 :]
         if distance(axes.origins[elbow], number) > _BENDING * length
-        and _bends(axes, number, elbow, hand)
+        and abs(along @ axes.directions[number]) < across
     ]
     return elbow, behind[0] if behind else None
-
-
-def _bends(axes: JointAxes, number: int, elbow: int, hand: Array) -> bool:
-    """Return whether the axis is across the arm, rather than along it."""
-    along = hand - axes.origins[elbow]
-    return bool(abs(along @ axes.directions[number]) < np.sqrt(0.5) * np.linalg.norm(along))
 
 
 _BESIDE = 0.2  # horizontal distance of the shoulder from the base's origin, relative to the length
