@@ -182,7 +182,7 @@ class Reference(NamedTuple):
 
 
 def _ratio(numerator: Array, denominator: Array) -> Array:
-    """Zero where the denominator is zero."""
+    """Return the ratio, zero where the denominator is zero."""
     out = np.zeros(np.broadcast_shapes(numerator.shape, denominator.shape))
     return np.asarray(np.divide(numerator, denominator, out=out, where=denominator != 0.0))
 
@@ -294,23 +294,18 @@ class Course:
         mean = lengths / durations
         if not stops:
             harmonic = _ratio(2.0 * mean[:-1] * mean[1:], mean[:-1] + mean[1:])
-            speeds[1:-1] = harmonic * self._cosines()
+            speeds[1:-1] = harmonic * [self._cosine(*each) for each in pairwise(self.arm.paths)]
         if not rest:
             speeds[[0, -1]] = mean[[0, -1]]
         both = np.stack([speeds[:-1], speeds[1:]], axis=1)
         return np.minimum(both * _ratio(durations, lengths)[:, None], 3.0)
 
-    def _cosines(self) -> Array:
-        """Return cosines of the angles between successive paths in the metric, at least zero, (k -
-        1,).
-        """
-        found = []
-        for before, after in pairwise(self.arm.paths):
-            metric = self.arm.robot.mass_matrix(after(0.0))
-            incoming, outgoing = before(1.0, 1), after(0.0, 1)
-            norm = np.sqrt((incoming @ metric @ incoming) * (outgoing @ metric @ outgoing))
-            found.append(max(incoming @ metric @ outgoing / norm, 0.0) if norm > 0.0 else 0.0)
-        return np.array(found)
+    def _cosine(self, before: Path, after: Path) -> float:
+        """Return the cosine of the angle between successive paths in the metric, at least zero."""
+        metric = self.arm.robot.mass_matrix(after(0.0))
+        incoming, outgoing = before(1.0, 1), after(0.0, 1)
+        norm = np.sqrt((incoming @ metric @ incoming) * (outgoing @ metric @ outgoing))
+        return float(max(incoming @ metric @ outgoing / norm, 0.0)) if norm > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -281,7 +281,7 @@ class TrajectoryProgram:
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
     ) -> list[Block]:
-        """Return integrals over time are by the trapezoidal rule for these durations (m,)."""
+        """Return all blocks, with integrals by the trapezoidal rule over durations (m,)."""
         total, steps = float(self.knots.person.sum()), self.knots.steps(durations)
         shares = np.convolve(steps, [0.5, 0.5]) / total
         distance = self.deviation_weight / _DISTANCE**2

@@ -149,10 +149,10 @@ class Retargeting:
         )
 
     def comparison(self, arm: int = 0) -> DataFrame:
-        """Return beside inverse kinematics under the same limits, in this time and in the person's.
+        """Return measures beside inverse kinematics under the same limits, in two times.
 
-        Energy, torque, smoothness, likeness to the person, errors of the hand, and the time that it
-        takes (`compare_under_equal_limits`).
+        In this time and in the person's: energy, torque, smoothness, likeness to the person, errors
+        of the hand, and the time that it takes (`compare_under_equal_limits`).
 
         Args:
             arm: number of the arm.

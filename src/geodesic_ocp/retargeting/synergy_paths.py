@@ -145,7 +145,7 @@ class SynergyPaths(ShortRepr, Problem):
 
     @property
     def metric(self) -> KineticEnergy:  # type: ignore[override]
-        """Name of the arm."""
+        """Kinetic energy of the arm, or of the first of several."""
         return metric_of(self.model)
 
     @property

@@ -238,7 +238,7 @@ class PairedArm(ShortRepr):
         settings: RetargetingSettings,
         start: ArrayLike | None,
     ) -> PairedArm:
-        """Return the key poses of a motion, with synergies merged and poses mapped.
+        """Return the pair, with synergies merged and poses mapped.
 
         Raises:
             ValueError: the lengths to drop and merge are out of range, or the start is.
@@ -272,7 +272,7 @@ class PairedArm(ShortRepr):
         return self.as_pose(*(each[sample] for each in self.target_poses))
 
     def as_pose(self, rotation: Array, position: Array) -> Pose:
-        """Return the pose error at a rotation and position, but for what settings leave free."""
+        """Return the pose with a rotation and a position, without what the settings leave free."""
         settings = self.settings
         return Pose(
             rotation if settings.orientation_weight > 0.0 else None,
