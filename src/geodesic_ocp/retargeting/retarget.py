@@ -31,6 +31,7 @@ from geodesic_ocp.retargeting.arm_result import (
 )
 from geodesic_ocp.retargeting.candidates import first_candidates
 from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
+from geodesic_ocp.retargeting.merge_synergies import merge_synergies
 from geodesic_ocp.retargeting.reachability import reachability
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
@@ -40,7 +41,7 @@ from geodesic_ocp.retargeting.settings import (
     of_trajectory,
 )
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
-from geodesic_ocp.retargeting.waypoints import PairedArm, PoseMapping, arm_waypoints
+from geodesic_ocp.retargeting.waypoints import PairedArm, PoseMapping, arm_waypoints, start_of
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
@@ -225,8 +226,10 @@ def _paired(
     ):
         heavier = with_rotor_inertia(robot) if settings.rotor_inertia else robot
         mapping = PoseMapping.between(analysis.model, source, target, settings)
-        bound = _limits(heavier, limit, settings)
-        pairs.append(PairedArm.of(analysis, heavier, mapping, bound, settings, start))
+        bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
+        groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
+        begin = None if start is None else start_of(heavier, start, settings)
+        pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
     return pairs
 
 

@@ -27,7 +27,7 @@ from geodesic_ocp.ocp.inverse_kinematics import (
 )
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance, pose_difference, rotation_log
 from geodesic_ocp.retargeting.arm_alignment import Alignment
-from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analyse import Analysis
 
@@ -227,26 +227,6 @@ class PairedArm(ShortRepr):
     start: Array | None
     target_poses: tuple[Array, Array]
     _shown = ("robot", "mapping")
-
-    @classmethod
-    def of(
-        cls,
-        analysis: Analysis,
-        robot: Model,
-        mapping: PoseMapping,
-        limits: JointLimits,
-        settings: RetargetingSettings,
-        start: ArrayLike | None,
-    ) -> PairedArm:
-        """Return the pair, with synergies merged and poses mapped.
-
-        Raises:
-            ValueError: the lengths to drop and merge are out of range, or the start is.
-        """
-        groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
-        begin = None if start is None else start_of(robot, start, settings)
-        poses = mapping(analysis.motion.q)
-        return cls(analysis, robot, mapping, limits, settings, groups, begin, poses)
 
     @property
     def gravity(self) -> Array:
