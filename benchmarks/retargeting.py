@@ -26,7 +26,7 @@ from pandas import DataFrame
 import geodesic_ocp as go
 from geodesic_ocp.execution.motion_measures import MotionMeasures
 from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
-from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
+from geodesic_ocp.retargeting.arm_result import compare_under_equal_limits
 from geodesic_ocp.tables import markdown, new_table
 
 ROBOTS = (

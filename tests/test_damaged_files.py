@@ -17,7 +17,7 @@ from known_problems import PlaneAroundDisc
 import geodesic_ocp as go
 from geodesic_ocp.cli.kinds import file_kind
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
-from geodesic_ocp.retargeting.alignment.align import read_alignment
+from geodesic_ocp.retargeting.arm_alignment import read_alignment
 from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.result_files import FORMAT as RESULT
 from geodesic_ocp.studies.result_files import CollectedResults, read_result

@@ -293,8 +293,6 @@ def test_wrong_trajectories_are_named(robot: go.Model, found: LinkPairs) -> None
         trajectory_clearance(robot, np.zeros((5, 2)), pairs=found)
     with pytest.raises(ValueError, match="other models"):
         trajectory_clearance(go.human_arm(), np.zeros((5, 7)), pairs=found)
-    with pytest.raises(ValueError, match="samples must be a positive integer"):
-        link_pairs(robot, samples=0)
     with pytest.raises(ValueError, match="arms must be one or more models"):
         link_pairs([])
 

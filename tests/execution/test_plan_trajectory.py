@@ -238,21 +238,6 @@ def test_a_distance_that_the_paths_violate_at_their_ends_is_named() -> None:
     assert "hand to table" in attempt.status
 
 
-@pytest.mark.slow
-def test_a_tolerance_of_the_hand_saves_time(zigzag: PlannedTrajectory) -> None:
-    tolerance = (0.02, 0.1)
-    found = plan_trajectory(zigzag.arms, tolerance=tolerance)
-    assert found.duration < zigzag.duration
-    robot = zigzag.arms[0].robot
-    rotations, positions = robot.hand_pose(found.states(found.robot_edges)[0])
-    intended = robot.hand_pose(np.array(CORNERS))
-    assert np.linalg.norm(positions - intended[1], axis=1).max() <= tolerance[0]
-    cosines = (np.einsum("kij,kij->k", rotations, intended[0]) - 1.0) / 2.0
-    assert np.arccos(np.clip(cosines, -1.0, 1.0)).max() <= tolerance[1]
-    _, v, _, _ = found.states(np.linspace(*found.robot_edges[2:4], 50))
-    assert np.abs(v).max() <= 1e-6
-
-
 def test_weight_of_the_deviation_trades_time_for_distance(zigzag: PlannedTrajectory) -> None:
     close = plan_trajectory(zigzag.arms, deviation_weight=100.0)
     assert close.duration > zigzag.duration
@@ -321,7 +306,5 @@ def test_wrong_arguments_are_named() -> None:
         plan_trajectory([replace(arm, limits=of_one)])
     with pytest.raises(ValueError, match="all arms must begin and end at the same times"):
         plan_trajectory([arm, replace(arm, edges=arm.edges + 0.5)])
-    with pytest.raises(ValueError, match=r"tolerance \(distance .* must"):
-        plan_trajectory([arm], tolerance=0.1)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="functions of the 4 joints of all arms"):
         plan_trajectory([arm, arm], clearances=[hand_height(arm.robot, 0.0)])

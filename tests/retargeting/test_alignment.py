@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.retargeting.alignment.arm_alignment import arm_length
+from geodesic_ocp.retargeting.arm_alignment import arm_length
 
 DOWN, FORWARD, RIGHT = np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0, 0])
 

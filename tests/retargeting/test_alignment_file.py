@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.retargeting.alignment.align import read_alignment
+from geodesic_ocp.retargeting.arm_alignment import read_alignment
 
 
 def saved(folder: Path, **changes: Any) -> Path:

@@ -11,9 +11,9 @@ import geodesic_ocp as go
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
-from geodesic_ocp.retargeting.alignment.align import align
-from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
-from geodesic_ocp.retargeting.key_poses import PoseMapping
+from geodesic_ocp.retargeting.arm_alignment import align
+from geodesic_ocp.retargeting.arm_result import compare_under_equal_limits
+from geodesic_ocp.retargeting.waypoints import PoseMapping
 
 EDGES = np.array([3.0, 3.6, 4.2])
 WAY = 0.5 * np.array([1.0, 0.4, -0.8, 1.0, 0.2, 0.1, 0.3])

@@ -16,7 +16,6 @@ from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.retargeting.candidates import Candidates
-from geodesic_ocp.retargeting.key_poses import Pose
 from geodesic_ocp.retargeting.paths_program import (
     ArmPart,
     MotionProgram,
@@ -24,7 +23,7 @@ from geodesic_ocp.retargeting.paths_program import (
     positions_at,
 )
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, Pose
 
 CONFIGURATIONS = np.array(
     [

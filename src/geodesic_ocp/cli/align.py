@@ -9,8 +9,8 @@ from geodesic_ocp.cli.terminal import print_written, printed_warnings
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.retargeting.alignment.align import known_alignment, proposal, read_alignment
 from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure, alignment_table
+from geodesic_ocp.retargeting.arm_alignment import known_alignment, proposal, read_alignment
 from geodesic_ocp.tables import text
 
 _WIDTH = 100
@@ -50,8 +50,7 @@ def align(
     elif known is not None:
         aligned, source = known, f"the built-in alignment of {model.name}"
     else:
-        proposed = proposal(model, side)
-        aligned, notes = proposed.alignment, proposed.assumptions
+        aligned, notes = proposal(model, side)
         source = "taken from the kinematics, assuming that"
     print(f"{text(alignment_table(model, aligned))}\n\n{source}")
     for note in notes:

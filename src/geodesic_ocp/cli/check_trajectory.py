@@ -15,7 +15,7 @@ from geodesic_ocp.execution.clearance import Clearance, keep_clear
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.align import align, read_alignment
+from geodesic_ocp.retargeting.arm_alignment import align, read_alignment
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
 _FREE_FALL = (0.0, 0.0, -9.81)  # [m/s^2]

@@ -13,7 +13,7 @@ from geodesic_ocp.ocp.solution import FORMAT as SOLUTION
 from geodesic_ocp.recordings.formats.mmm import xml_root
 from geodesic_ocp.recordings.formats.recognise import recognise
 from geodesic_ocp.records import parse_json
-from geodesic_ocp.retargeting.alignment.arm_alignment import FORMAT as ALIGNMENT
+from geodesic_ocp.retargeting.arm_alignment import FORMAT as ALIGNMENT
 from geodesic_ocp.studies.result_files import FORMAT as RESULT
 from geodesic_ocp.studies.result_files import RESULTS
 from geodesic_ocp.studies.result_files import SYNERGIES as SYNERGIES_OF_ONE

@@ -28,8 +28,7 @@ from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
-from geodesic_ocp.retargeting.alignment.align import read_alignment
-from geodesic_ocp.retargeting.alignment.arm_alignment import check_joints
+from geodesic_ocp.retargeting.arm_alignment import check_joints, read_alignment
 from geodesic_ocp.scenes.alignment_scene import alignment_playback
 from geodesic_ocp.scenes.motions import (
     model_playback,

@@ -27,8 +27,7 @@ from geodesic_ocp.cli.terminal import (
 )
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.align import align, read_alignment
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d
 
-from geodesic_ocp.arrays import Array, as_not_negative
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.arm_paths import joint_forces
 from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.limits import UNITS, JointLimits, joined_limits, joint_limits
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _SHOWN = 140  # characters of the first violation
 # Files round numbers to six digits or so: that is no contradiction.
 ROUNDING = (1e-6, 1e-5, 1e-4)  # of positions [rad], velocities [rad/s], accelerations [rad/s^2]
+_SLACK = 1e-3  # fraction of a limit by which a value may exceed it
 _NEARBY = 3  # successive steps over which the jerk is estimated
 _INTERVAL = 0.01  # [s] between the samples at which distances are evaluated
 _NEAR = 1e-6  # [m]: rounding of distances
@@ -42,8 +43,6 @@ class TrajectoryCheck:
             0 where there is no limit.
         largest: largest magnitudes (n,), by "velocity", "acceleration", "jerk" and "torque", of
             samples and of means between samples [rad or m, per second..., N m or N].
-        consistency: largest contradiction between samples over its bound (n,), by "velocity"
-            (against positions) and "acceleration" (against velocities).
         joint_names: names of the n joints.
         clearance: least of the distances to be kept [m]; None: not checked.
     """
@@ -51,7 +50,6 @@ class TrajectoryCheck:
     violations: tuple[str, ...]
     usage: Mapping[str, Array]
     largest: Mapping[str, Array]
-    consistency: Mapping[str, Array]
     joint_names: tuple[str, ...]
     clearance: float | None = None
 
@@ -90,7 +88,6 @@ def check_trajectory(
     gravity: ArrayLike = (0.0, 0.0, -9.81),
     rest: bool = True,
     uniform: bool = True,
-    tolerance: float = 1e-3,
     clearance: Clearance | None = None,
 ) -> TrajectoryCheck:
     """Check whether a robot can execute a sampled trajectory, of whatever origin.
@@ -99,7 +96,8 @@ def check_trajectory(
     - Samples agree with each other: differences of positions with velocities, and differences of
       velocities with accelerations, up to the error of the trapezoidal rule. With steps h it is at
       most J h^3 / 8 and J h^2 / 2, where J is the jerk that the accelerations show nearby.
-    - Positions, velocities, accelerations, jerk and torques are within the limits. Means between
+    - Positions, velocities, accelerations, jerk and torques are within the limits, the latter four
+      up to a thousandth. Means between
       samples count as well, such as the difference of two velocities over their step: what a
       trajectory has in between is at least as large.
     - It is at rest at both ends, unless `rest` is False. Then the accelerations there are jumps
@@ -122,7 +120,6 @@ def check_trajectory(
             [m/s^2].
         rest: whether it must begin and end at rest.
         uniform: whether it must be sampled evenly.
-        tolerance: fraction of a limit by which a value may exceed it.
         clearance: distances to be kept, of the joints of all models in their order, such as those
             of `keep_clear`; None: not checked. They are evaluated every 10 ms, or at
             every sample if there are fewer, and exactly where the function is below its bound.
@@ -138,14 +135,9 @@ def check_trajectory(
     count = len(trajectory.joint_names)
     if limit.velocity.size != count:
         raise ValueError(f"limits must be of {count} joints, got {limit.velocity.size}")
-    slack = as_not_negative("tolerance", tolerance)
     found = [*_time_faults(trajectory, uniform)]
-    consistency: dict[str, Array] = {}
     if len(trajectory.time) > 1 and np.all(np.diff(trajectory.time) > 0.0):
-        samples = sample_consistency(trajectory)
-        found += _contradictions(trajectory, samples)
-        shares = {kind: np.abs(missed) / bound for kind, (missed, bound) in samples.items()}
-        consistency = {kind: np.max(share, axis=0) for kind, share in shares.items()}
+        found += _contradictions(trajectory)
     lower, upper = (
         np.concatenate([getattr(each, side) for each in models]) for side in ("lower", "upper")
     )
@@ -157,14 +149,14 @@ def check_trajectory(
         bound = getattr(limit, name)
         largest[name] = np.max(sizes, axis=0, initial=0.0)
         usage[name] = largest[name] / bound
-        found += _beyond(trajectory, name, instants, sizes, bound, slack)
+        found += _beyond(trajectory, name, instants, sizes, bound)
     if rest:
         found += _unrest(trajectory)
     least = None
     if clearance is not None:
         least, near = _least_clearance(trajectory, clearance)
         found += near
-    return TrajectoryCheck(tuple(found), usage, largest, consistency, trajectory.joint_names, least)
+    return TrajectoryCheck(tuple(found), usage, largest, trajectory.joint_names, least)
 
 
 def of_joints(trajectory: JointTrajectory, joints: Sequence[str]) -> JointTrajectory:
@@ -276,11 +268,9 @@ def _worst(excess: Array) -> Iterator[tuple[int, int]]:
         yield column, int(np.argmax(excess[:, column]))
 
 
-def _contradictions(
-    trajectory: JointTrajectory, found: Mapping[str, tuple[Array, Array]]
-) -> Iterator[str]:
+def _contradictions(trajectory: JointTrajectory) -> Iterator[str]:
     """Yield velocities that are not derivatives of positions, accelerations not of velocities."""
-    time = trajectory.time
+    time, found = trajectory.time, sample_consistency(trajectory)
     words = ("velocities", "positions", ""), ("accelerations", "velocities", "/s")
     for (kind, of, per), (missed, bounds) in zip(words, found.values(), strict=True):
         for joint, k in _worst(np.abs(missed) / bounds - 1.0):
@@ -334,10 +324,10 @@ def _magnitudes(
 
 
 def _beyond(
-    trajectory: JointTrajectory, kind: str, at: Array, sizes: Array, limits: Array, slack: float
+    trajectory: JointTrajectory, kind: str, at: Array, sizes: Array, limits: Array
 ) -> Iterator[str]:
     """Yield joints whose magnitudes (m, n) at instants (m,) exceed their limits (n,)."""
-    for joint, k in _worst(sizes - (1.0 + slack) * limits):
+    for joint, k in _worst(sizes - (1.0 + _SLACK) * limits):
         unit = UNITS[kind].split(", ")[trajectory.units[joint] == "m"]
         mean = kind == "jerk" or k >= len(trajectory.time)
         yield (

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -51,7 +52,6 @@ class Clearance(ShortRepr):
     lower: Array
     names: tuple[str, ...]
     exact: Callable[[Array, int], float] | None = None
-    _rows: dict[int, ca.Function] = field(default_factory=dict, init=False)
     _shown = ("names", "lower", "dof")
 
     @property
@@ -67,11 +67,13 @@ class Clearance(ShortRepr):
         """
         if not 0 <= index < len(self.names):
             raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
-        if index not in self._rows:
-            q = ca.SX.sym("q", self.dof)
-            outputs = [self.function(q)[index]]
-            self._rows[index] = ca.Function(f"distance_{index}", [q], outputs, ["q"], ["d"])
-        return self._rows[index]
+        return _row(self.function, index)
+
+
+@lru_cache(maxsize=256)
+def _row(function: ca.Function, index: int) -> ca.Function:
+    q = ca.SX.sym("q", function.size1_in(0))
+    return ca.Function(f"distance_{index}", [q], [function(q)[index]], ["q"], ["d"])
 
 
 def keep_clear(
@@ -111,12 +113,13 @@ def keep_clear(
             apart = segment_distance(first, second) - (radius + other_radius)
             add_named(distances, f"{one} to {other}", apart + wider)
             solids.append((placed.by_name[one], placed.by_name[other]))
+    moving = [each.name for each in placed.solids if each.moves]
     for number, obstacle in enumerate(obstacles):
-        fixed = _fixed_obstacle(obstacle)
-        for link in (each.name for each in placed.solids if each.moves):
+        _check_obstacle(obstacle)
+        for link in moving:
             name = f"{link} to {obstacle.name or f'obstacle {number}'}"
             for segment, radius in segments[link]:
-                for found in _from_obstacle(segment, radius, fixed):
+                for found in _from_obstacle(segment, radius, obstacle):
                     add_named(distances, name, found)
                     solids.append(None)
     if not distances:
@@ -131,6 +134,22 @@ def keep_clear(
         return exact_distance_at(*pair, placed.joint_poses(np.asarray(at, dtype=float)[None]), 0)
 
     return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
+
+
+def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
+    """Return all distances of clearances of the same joints as one clearance; none without any."""
+    if len(parts) == 1:
+        return parts[0]
+    q = ca.SX.sym("q", dof)
+    function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
+    owners = [(part, index) for part in parts for index in range(len(part.names))]
+
+    def exact(at: Array, number: int) -> float:
+        part, index = owners[number]
+        return part.exact(at, index) if part.exact else max(0.0, float(part.row(index)(at)))
+
+    lower = np.concatenate([np.zeros(0), *(each.lower for each in parts)])
+    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact)
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
@@ -173,25 +192,21 @@ def _pairs(
     return placed, named, [0.0] * len(named)
 
 
-def _fixed_obstacle(obstacle: Obstacle) -> HalfSpace | Capsule:
+def _check_obstacle(obstacle: Obstacle) -> None:
     if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
         raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
-    if isinstance(obstacle, HalfSpace):
-        return obstacle
-    if obstacle.link is not None:
+    if not isinstance(obstacle, HalfSpace) and obstacle.link is not None:
         raise ValueError(
             f"obstacles must not be fixed to a link, as to {obstacle.link!r}; add what a link "
             "carries with Model.with_bodies"
         )
-    return as_capsule(obstacle)
 
 
-def _from_obstacle(
-    segment: LineSegment, radius: float, obstacle: HalfSpace | Capsule
-) -> Sequence[ca.SX]:
+def _from_obstacle(segment: LineSegment, radius: float, obstacle: Obstacle) -> Sequence[ca.SX]:
     if isinstance(obstacle, HalfSpace):
         return half_space_distances(segment, radius, obstacle)
-    return [segment_distance(segment, line_segment(obstacle)) - (radius + obstacle.radius)]
+    capsule = as_capsule(obstacle)
+    return [segment_distance(segment, line_segment(capsule)) - (radius + capsule.radius)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -203,11 +218,13 @@ class ActiveRows(ShortRepr):
         rows: index of the distance (j,) that is too small there, of `Clearance.row`.
         lower: bound (j,) [m] that `Clearance.row` has to keep near that configuration for the
             exact distance to be the one allowed.
+        lacks: what `Clearance.row` lacks to that bound there (j,) [m].
     """
 
     samples: NDArray[np.int64]
     rows: NDArray[np.int64]
     lower: Array
+    lacks: Array
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -235,14 +252,14 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
     distances = clearance.function(points.T).full() if len(points) else np.empty((0, 0))
     least = clearance.lower + margin
     rows, samples = np.nonzero(distances < least[: len(distances), None])
-    lower = least[rows]
+    lower, found = least[rows], distances[rows, samples]
     if clearance.exact is not None:
         places = zip(samples.tolist(), rows.tolist(), strict=True)
         apart = np.array([clearance.exact(points[k], row) for k, row in places])
-        gaps = np.where(apart > 0.0, apart - distances[rows, samples], 0.0)
         close = apart < lower
-        samples, rows, lower = samples[close], rows[close], (lower - gaps)[close]
-    return ActiveRows(samples, rows, lower)
+        lower = lower - np.where(apart > 0.0, apart - found, 0.0)
+        samples, rows, lower, found = samples[close], rows[close], lower[close], found[close]
+    return ActiveRows(samples, rows, lower, lower - found)
 
 
 def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:

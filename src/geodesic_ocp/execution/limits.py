@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_vector, real_array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import convert, read_record
 from geodesic_ocp.tables import markdown, new_table
@@ -82,6 +82,26 @@ class JointLimits(ShortRepr):
 
     def _repr_markdown_(self) -> str:
         return markdown(self.table())
+
+
+def checked_limits(model: Model, limits: JointLimits) -> JointLimits:
+    """Return the limits; ValueError if they are not those of the model's joints."""
+    if not isinstance(limits, JointLimits) or limits.velocity.size != model.dof:
+        raise ValueError(f"limits must be JointLimits of {model.dof} joints, got {limits!r}")
+    return limits
+
+
+def checked_start(model: Model, given: ArrayLike) -> Array:
+    """Return the configuration (n,) to begin in; ValueError if it is outside the limits."""
+    start = as_vector("start", given, model.dof)
+    for joint, value, low, high in zip(
+        model.joint_names, start, model.lower, model.upper, strict=True
+    ):
+        if not low <= value <= high:
+            raise ValueError(
+                f"start: {joint} is at {value:.4g}, outside its limits {low:.4g} to {high:.4g}"
+            )
+    return start
 
 
 def joined_limits(parts: Sequence[JointLimits]) -> JointLimits:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_number
+from geodesic_ocp.arrays import Array, ShortRepr, as_number
 from geodesic_ocp.model.combine import base_placements
 from geodesic_ocp.model.distances import segment_distances
 from geodesic_ocp.model.link_geometry import LinkGeometry
@@ -30,10 +30,10 @@ from geodesic_ocp.model.model import Model
 
 Pair = tuple[str, str]
 MARGIN = 0.01  # [m]
-SAMPLES = 256
+_SAMPLES, _MORE_SAMPLES = 256, 2048  # configurations within the limits; the latter for an excess
 _ALWAYS, _SOME, _MANY = 0.95, 0.05, 0.25  # shares of the sampled configurations
 _KEPT = 0.75  # of an excess, as no sample is the worst case
-_MORE_SAMPLES, _ENOUGH = 8, 8  # times as many samples, and close ones, for an excess
+_ENOUGH = 8  # close ones, for an excess
 _SAME = 1e-9  # [m]: rounding
 
 
@@ -76,7 +76,6 @@ def link_pairs(
     placements: Sequence[Any] | None = None,
     *,
     margin: float = MARGIN,
-    samples: int = SAMPLES,
 ) -> LinkPairs:
     """Return the pairs of links of one or several arms that have to be kept apart.
 
@@ -89,19 +88,15 @@ def link_pairs(
         arms: a model, or several.
         placements: placements of the bases of the arms, see `combine`.
         margin: distance [m] that they will be kept apart.
-        samples: number of configurations within the joint limits at which links are compared.
 
     Raises:
-        ValueError: no models, or wrong placements or number of samples.
+        ValueError: no models, or wrong placements.
     """
-    samples = as_integer("samples", samples, 1)
     margin = as_number("margin", margin)
     placed = place_solids(arms, placements)
     models = placed.models
-    poses = placed.joint_poses(sampled_configurations(models, samples))
-    many = cache(
-        lambda: placed.joint_poses(sampled_configurations(models, _MORE_SAMPLES * samples))
-    )
+    poses = placed.joint_poses(sampled_configurations(models, _SAMPLES))
+    many = cache(lambda: placed.joint_poses(sampled_configurations(models, _MORE_SAMPLES)))
     kept: dict[str, dict[Pair, float]] = {"constrained": {}, "exact_only": {}, "in_contact": {}}
     for one, other in combinations(placed.solids, 2):
         if _can_meet(one, other, placed.placed):

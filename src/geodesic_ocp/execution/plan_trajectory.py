@@ -12,12 +12,16 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_vector
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
-from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.arm_paths import (
+    SAME,
+    ArmPaths,
+    JointSpline,
+    joint_forces,
+    joint_names,
+)
+from geodesic_ocp.execution.clearance import Clearance, joined_clearance
 from geodesic_ocp.execution.limits import LimitShares
-from geodesic_ocp.execution.reference import SAME, JointSpline
-from geodesic_ocp.execution.trajectory_program import MOST_ROUNDS, TOLERANCE, solve_in_rounds
-from geodesic_ocp.execution.trajectory_terms import TrajectorySettings
+from geodesic_ocp.execution.trajectory_rounds import MOST_ROUNDS, TOLERANCE, solve_in_rounds
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.synergies.scores import nearest_on_path
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -87,51 +91,28 @@ def _check_ends(name: str, arm: ArmPaths) -> None:
         )
 
 
-def attainable(
-    arms: Sequence[ArmPaths], clearances: Sequence[Clearance], exact: bool
-) -> tuple[Sequence[Clearance], str]:
-    """Return clearances without the distances that given configurations violate, and a sentence on
-    these.
-
-    Args:
-        arms: arms with their paths.
-        clearances: distances to be kept.
-        exact: whether the configurations at the ends of the paths are given.
-
-    Raises:
-        ValueError: a clearance is a function of another number of joints.
+def attainable(arms: Sequence[ArmPaths], clearance: Clearance) -> tuple[Clearance, str]:
+    """Return the clearance without the distances that the ends of the paths violate, and a sentence
+    on these.
     """
-    dof = sum(arm.robot.dof for arm in arms)
-    for clearance in clearances:
-        if clearance.dof != dof:
-            raise ValueError(
-                f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
-            )
-    if not exact:
-        return clearances, ""
-    # Configurations of all arms are given together only where paths of all of them end.
-    shared = []
+    lower, sentence = clearance.lower.copy(), ""
     for instant in arms[0].edges:
+        # Configurations of all arms are given together only where paths of all of them end.
         gaps = [np.abs(arm.edges - instant) for arm in arms]
-        if max(gap.min() for gap in gaps) <= SAME:
-            pairs = zip(arms, gaps, strict=True)
-            shared.append((instant, np.concatenate([arm.ends[gap.argmin()] for arm, gap in pairs])))
-    possible, sentence = [], ""
-    for clearance in clearances:
-        lower = clearance.lower.copy()
-        for instant, q in shared:
-            distances = clearance.function(q).full()[:, 0]
-            lack = clearance.lower - distances
-            worst = int(lack.argmax())
-            if lack[worst] > TOLERANCE and not sentence:
-                sentence = (
-                    f"{clearance.names[worst]} is {distances[worst]:.3g} m at {instant:.4g} s, "
-                    "where the paths fix the configuration, and has to be "
-                    f"{clearance.lower[worst]:.3g} m"
-                )
-            lower[lack > TOLERANCE] = -np.inf
-        possible.append(replace(clearance, lower=lower))
-    return possible, sentence
+        if max(gap.min() for gap in gaps) > SAME or not lower.size:
+            continue
+        q = np.concatenate([arm.ends[gap.argmin()] for arm, gap in zip(arms, gaps, strict=True)])
+        distances = clearance.function(q).full()[:, 0]
+        lack = clearance.lower - distances
+        worst = int(lack.argmax())
+        if lack[worst] > TOLERANCE and not sentence:
+            sentence = (
+                f"{clearance.names[worst]} is {distances[worst]:.3g} m at {instant:.4g} s, where "
+                "the paths fix the configuration, and has to be "
+                f"{clearance.lower[worst]:.3g} m"
+            )
+        lower[lack > TOLERANCE] = -np.inf
+    return replace(clearance, lower=lower), sentence
 
 
 _ROUNDING = 1e-9
@@ -230,27 +211,31 @@ class PlannedTrajectory(ShortRepr):
         v, a, j = (np.where(inside[:, None], each, 0.0) for each in rates)
         return q, v, a, j
 
-    def sampled(self, rate: float = 100.0) -> JointTrajectory:
-        """Return all joints at a uniform rate [Hz], from 0 on, with the torques of inverse
-        dynamics.
+    def sampled(self, rate: float = 100.0, arm: int | None = None) -> JointTrajectory:
+        """Return joints at a uniform rate [Hz], from 0 on, with the torques of inverse dynamics.
 
         The last sample is the first one at or after the end of a trajectory that ends at rest, and
         holds still; it is the last one before the end of any other.
 
+        Args:
+            rate: samples per second.
+            arm: number of the arm; None: the joints of all arms, one arm after the other.
+
         Raises:
-            ValueError: the rate is not positive.
+            ValueError: the rate is not positive, or there is no such arm.
         """
         rate = as_positive("rate", rate, "Hz")
         samples = self.duration * rate
         last = np.ceil(samples - _ROUNDING) if self.rest else np.floor(samples + _ROUNDING)
         times = np.arange(int(last) + 1) / rate
-        q, v, a, _ = self.states(times)
+        q, v, a, _ = self.states(times, arm)
         if self.rest:
             v[-1] = a[-1] = 0.0
-        robots = [arm.robot for arm in self.arms]
-        efforts = joint_forces(robots, [arm.gravity for arm in self.arms], q, v, a)
+        arms = self.arms if arm is None else self.arms[arm : arm + 1]
+        robots = [each.robot for each in arms]
+        efforts = joint_forces(robots, [each.gravity for each in arms], q, v, a)
         units = tuple(unit for robot in robots for unit in robot.units)
-        return JointTrajectory(times, q, v, a, self.joint_names, units, efforts)
+        return JointTrajectory(times, q, v, a, joint_names(arms), units, efforts)
 
 
 def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[PathDeviation, ...]:
@@ -258,25 +243,23 @@ def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[Pa
     [s].
     """
     found = []
-    for path, start, end in zip(arm.paths, ends[:-1], ends[1:], strict=True):
+    for path, (start, end) in zip(arm.paths, pairwise(ends), strict=True):
         count = int(np.clip(100.0 * (end - start), 20, 400))
         q = spline(np.linspace(start, end, count))[0]
         curve = path(np.linspace(0.0, 1.0, 201))
         hands = [arm.robot.hand_pose(each)[1] for each in (q, curve)]
-        found.append(PathDeviation(_farthest(q, curve), _farthest(*hands)))
+        largest = (
+            float(np.linalg.norm(points - nearest_on_path(points, way), axis=1).max())
+            for points, way in ((q, curve), hands)
+        )
+        found.append(PathDeviation(*largest))
     return tuple(found)
-
-
-def _farthest(points: Array, curve: Array) -> float:
-    """Return largest distance of points (k, d) from a polygon through (m, d)."""
-    return float(np.linalg.norm(points - nearest_on_path(points, curve), axis=1).max())
 
 
 def plan_trajectory(
     arms: ArmPaths | Sequence[ArmPaths],
     *,
     rest: bool = True,
-    tolerance: tuple[float, float] | None = None,
     clearances: Sequence[Clearance] = (),
     deviation_weight: float = 1.0,
     progress: Progress = no_progress,
@@ -296,8 +279,6 @@ def plan_trajectory(
             times.
         rest: whether the trajectory begins and ends at rest; otherwise its speed there is near the
             person's.
-        tolerance: tolerance of the hand's pose at the ends of paths [m], [rad]; None: the
-            configurations there are met exactly.
         clearances: distances to keep.
         deviation_weight: deviation weight of the squared distance from the paths against the time.
             At 1, a distance of 0.1 rad that is kept up all the time costs as much as doubling the
@@ -314,20 +295,23 @@ def plan_trajectory(
     begin = time.perf_counter()
     arms = (arms,) if isinstance(arms, ArmPaths) else tuple(arms)
     weight = as_positive("deviation_weight", deviation_weight)
-    hand_tolerance = None
-    if tolerance is not None:
-        what = "tolerance (distance [m] and angle [rad])"
-        position, angle = (as_positive(what, each) for each in as_vector(what, tolerance, 2))
-        hand_tolerance = position, angle
-    settings = TrajectorySettings(bool(rest), hand_tolerance, weight)
     check_arms(arms)
-    possible, hopeless = attainable(arms, clearances, exact=tolerance is None)
+    dof = sum(arm.robot.dof for arm in arms)
+    for clearance in clearances:
+        if clearance.dof != dof:
+            raise ValueError(
+                f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
+            )
+    possible, hopeless = attainable(arms, joined_clearance(clearances, dof))
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(
-        arms, settings, possible, lambda number: progress("trajectory", number, MOST_ROUNDS)
+        *(arms, possible, bool(rest), weight),
+        lambda number: progress("trajectory", number, MOST_ROUNDS),
     )
-    knots, times = found.knots, found.knots.times(found.durations)
+    knots = found.program.knots
+    times, sizes = knots.times(found.states.durations), [len(each.names) for each in clearances]
+    least = np.split(found.distances.min(axis=(0, 1)), np.cumsum(sizes)[:-1])
     planned = PlannedTrajectory(
         arms=arms,
         edges=knots.edges,
@@ -338,12 +322,12 @@ def plan_trajectory(
             path_deviations(check.arm, check.spline, times[knots.of(check.arm.edges)])
             for check in found.checks
         ),
-        least_distances=found.least_distances,
+        least_distances=tuple(least[: len(sizes)]),
         success=found.success and not hopeless,
         status=hopeless or found.status,
         iterations=found.iterations,
         seconds=time.perf_counter() - begin,
-        rest=settings.rest,
+        rest=bool(rest),
     )
     if throw and not planned.success:
         raise NotConverged(f"no trajectory within the limits was found: {found.status}", planned)

@@ -22,13 +22,15 @@ from geodesic_ocp.arrays import (
     rotation_vector,
 )
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_start
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 StepSolver: TypeAlias = Callable[[Array, Array, Array, Array, float, tuple[Array, Array]], Array]
+_GAIN, _DRIFT = 10.0, 1.0  # [1/s], of the pose error, and towards the posture
+_DAMPING = 1e-2  # [m or rad of the hand per unit of a joint]
 _EVEN = 1e-6  # share of a step
 _FEWEST = 3  # steps: at rest, in motion, at rest
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
@@ -45,10 +47,7 @@ def track_within_limits(
     rate: float = 200.0,
     posture: ArrayLike | None = None,
     posture_weight: float = 1e-2,
-    posture_gain: float = 1.0,
     smoothing: float = 1e-3,
-    gain: float = 10.0,
-    damping: float = 1e-2,
     turning: bool = True,
     placing: bool = True,
     solver: StepSolver | None = None,
@@ -57,10 +56,11 @@ def track_within_limits(
 
     The constant speeds v of every step minimize
 
-        |J v - w|^2 + posture_weight^2 |v - posture_gain (posture - q)|^2
-            + smoothing rate |v - v_before|^2 + (damping^2 + |e|^2) |v|^2
+        |J v - w|^2 + posture_weight^2 |v - k (posture - q)|^2
+            + smoothing rate |v - v_before|^2 + (d^2 + |e|^2) |v|^2
 
-    where w = velocity of the target + gain e and e is the error of the hand's pose: tasks as a
+    where w = velocity of the target + g e, e is the error of the hand's pose, g = 10/s (at most the
+    rate), k = 1/s and d = 0.01 m or rad of the hand per unit of a joint: tasks as a
     quadratic program (Kanoun, Lamiraux, Wieber, IEEE Trans. Robotics 27, 2011; here of one priority
     with weights), damped by the error (Sugihara, IEEE Trans. Robotics 27, 2011). Bounds of v keep
     range, speed and acceleration of every joint, and leave room to brake (`speed_bounds`). Limits
@@ -78,14 +78,11 @@ def track_within_limits(
         posture: configuration (n,) preferred by a redundant arm; None: the start.
         posture_weight: posture weight of the speeds towards it [m or rad of the hand per unit of a
             joint].
-        posture_gain: [1/s].
-        smoothing: weight of changes of the speeds [s]; like `gain`, the default is the best in hand
+        smoothing: weight of changes of the speeds [s]; like g, the default is the best in hand
             errors and jerk of a few values on recorded motions.
-        gain: gain of the pose error [1/s], at most the rate.
-        damping: as `posture_weight`, of the speeds.
         turning, placing: whether it tracks rotations, and positions.
         solver: solver of the problem of a step in place of DAQP; from q, w, the speeds towards the
-            posture and those of the step before, damping^2 + |e|^2, and the bounds, it gives v.
+            posture and those of the step before, d^2 + |e|^2, and the bounds, it gives v.
 
     Returns:
         Samples at the rate from time 0. Velocities are central differences of the positions, and
@@ -94,21 +91,12 @@ def track_within_limits(
     Raises:
         ValueError: wrong shapes or numbers, a start outside the limits, less than three steps.
     """
-    q = as_vector("start", start, model.dof)
-    for name, value, low, high in zip(model.joint_names, q, model.lower, model.upper, strict=True):
-        if not low <= value <= high:
-            raise ValueError(
-                f"start: {name} is at {value:.4g}, outside its limits {low:.4g} to {high:.4g}"
-            )
-    if not isinstance(limits, JointLimits) or limits.velocity.size != model.dof:
-        raise ValueError(f"limits must be JointLimits of {model.dof} joints, got {limits!r}")
+    q, limits = checked_start(model, start), checked_limits(model, limits)
     if not (turning or placing):
         raise ValueError("turning and placing are both False: there is nothing to track")
     preferred = q if posture is None else as_vector("posture", posture, model.dof)
-    drift = as_not_negative("posture_gain", posture_gain)
     rate = as_positive("rate", rate, "Hz")
-    gain = min(as_positive("gain", gain, "1/s"), rate)
-    damping = as_positive("damping", damping)
+    gain = min(_GAIN, rate)
     posture_cost = as_not_negative("posture_weight", posture_weight) ** 2
     change_cost = as_not_negative("smoothing", smoothing) * rate
     duration = 1.0 / rate
@@ -122,7 +110,7 @@ def track_within_limits(
         jacobian, way = evaluate(tracking, q, rotations[k], places[k])
         error = way[:, 0]
         wanted = velocities[k, list(rows)] + gain * error
-        towards, damped = drift * (preferred - q), damping**2 + float(error @ error)
+        towards, damped = _DRIFT * (preferred - q), _DAMPING**2 + float(error @ error)
         # At rest in the first and in the last step.
         bounds = speed_bounds(model, limits, duration, q, speeds[k], min(k, count - 1 - k))
         if solver is not None:

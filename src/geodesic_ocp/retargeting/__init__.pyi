@@ -1,7 +1,7 @@
-from .alignment.align import align as align
-from .alignment.align import propose_alignment as propose_alignment
-from .alignment.align import read_alignment as read_alignment
-from .alignment.arm_alignment import Alignment as Alignment
+from .arm_alignment import Alignment as Alignment
+from .arm_alignment import align as align
+from .arm_alignment import propose_alignment as propose_alignment
+from .arm_alignment import read_alignment as read_alignment
 from .arm_result import RetargetedArm as RetargetedArm
 from .merge_synergies import SynergyGroup as SynergyGroup
 from .merge_synergies import merge_synergies as merge_synergies

@@ -8,25 +8,128 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.execution.motion_measures import (
+    MotionMeasures,
+    compare_with_tracking,
+)
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import track_within_limits
-from geodesic_ocp.manifold.metric import speeds_at
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.key_poses import PairedArm, nearest_configurations
-from geodesic_ocp.retargeting.transfer import OutOfReach, Transfer
+from geodesic_ocp.retargeting.candidates import Candidates
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
+from geodesic_ocp.retargeting.waypoints import (
+    REACHED,
+    ArmWaypoints,
+    PairedArm,
+    Pose,
+    PoseMapping,
+    elbow_function,
+    has_elbow,
+    nearest_configurations,
+)
 from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import time_law
+
+OUT_OF_REACH = "the pose is out of reach; the path ends at the nearest one"
+TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
+NEAR_MISS = "the path ends near the pose, which it would attain by a detour only"
 
 _BASELINE_RATE = 200.0  # [Hz], of the controller
 _CLOSE = 1e-3  # [m] and [rad]
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
+
+
+# Distance [m] and angle [rad] of the nearest pose, for poses out of reach, by number of the pose: 0
+# is the first pose, k the end of synergy k, counted from 1.
+OutOfReach = Mapping[int, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Transfer(ShortRepr):
+    """A path of a robot to a target pose of its hand.
+
+    Attributes:
+        path: path of least energy under the constraints; of zero length if the arm rests.
+        pose: the target.
+        within_reach: whether inverse kinematics found a configuration with that pose.
+        position_error, rotation_error: position error and rotation error of the hand at the path's
+            end [m], [rad].
+        iterations: iterations of Ipopt, on all grids.
+        success: whether the solver found the path.
+        status: how it stopped, a sentence.
+    """
+
+    path: Path
+    pose: Pose
+    within_reach: bool
+    position_error: float
+    rotation_error: float
+    iterations: int
+    success: bool
+    status: str
+    _shown = ("position_error", "rotation_error", "status")
+
+
+def unattained(
+    pair: PairedArm, waypoints: ArmWaypoints, layers: Sequence[Candidates]
+) -> OutOfReach:
+    """Return poses that none of the candidates at the waypoints attains."""
+    numbers = [k for k, group in enumerate(pair.groups, 1) if group.kind != "rest"]
+    found = {}
+    for number, pose, layer in zip((0, *numbers), waypoints.poses, layers, strict=False):
+        error = pose.error(pair.robot, layer.q[0])
+        # A given start need not have the first pose.
+        if not layer.within_reach and max(error) > REACHED:
+            found[number] = error
+    return found
+
+
+def transfers_on(
+    pair: PairedArm, paths: PlannedPaths, arm: int, out_of_reach: OutOfReach
+) -> list[Transfer]:
+    """Return the transfers of the arm with this number, from the program over all synergies."""
+    moved = zip(
+        *(paths.paths[arm], paths.within_reach[arm][1:], paths.near_misses[arm][1:]), strict=False
+    )
+    found, q = list[Transfer](), paths.paths[arm][0].nodes[0]
+    for number, group in enumerate(pair.groups, 1):
+        if group.kind == "rest":
+            found.append(at_rest(pair.robot, q))
+            continue
+        path, is_attained, was_missed = next(moved)
+        q, pose, status = path.nodes[-1], pair.target(group.stop), paths.status
+        if number in out_of_reach:
+            status = OUT_OF_REACH
+        elif not is_attained:
+            status = NEAR_MISS if was_missed else TOO_NEAR
+        errors = pose.error(pair.robot, q)
+        found.append(
+            Transfer(path, pose, is_attained, *errors, paths.iterations, paths.success, status)
+        )
+    return found
+
+
+def at_rest(robot: Model, q: Array) -> Transfer:
+    """Return the arm at rest in a configuration (n,)."""
+    metric, here = metric_of(robot), Pose(*robot.hand_pose(q))
+    return Transfer(line(metric, q, q), here, True, 0.0, 0.0, 0, True, "the arm rests")
+
+
+def line(metric: Metric, q0: Array, q1: Array) -> Path:
+    """Return the straight line between two configurations."""
+    return Path(metric, Grid(1, 2), np.array([q0, (q0 + q1) / 2.0, q1]))
 
 
 @dataclass(frozen=True)
@@ -90,12 +193,11 @@ class RetargetedArm(PairedArm):
         times = planned.robot_time(recorded.time)
         q, v, _, _ = planned.states(times, number)
         q = np.clip(q, robot.lower, robot.upper) if pair.settings.within_limits else q
-        columns = slice(*np.cumsum([0, *(arm.robot.dof for arm in planned.arms)])[number:][:2])
         return cls(
             **{each.name: getattr(pair, each.name) for each in fields(PairedArm)},
             transfers=tuple(transfers),
             synergies=_timed(pair, transfers, planned, number),
-            trajectory=_of_joints(planned.sampled(rate), columns, robot),
+            trajectory=planned.sampled(rate, number),
             motion=Motion(times, q, robot.joint_names, v, recorded.subject),
             out_of_reach=out_of_reach,
         )
@@ -150,6 +252,11 @@ class RetargetedArm(PairedArm):
             limit_violation=max(0.0, float(outside.max())),
         )
 
+    def seconds(self, group: SynergyGroup) -> float:
+        """Return the person's time for one of the groups [s]."""
+        time = self.analysis.motion.time
+        return float(time[group.stop] - time[group.start])
+
     @property
     def has_speed_limits(self) -> bool:
         """True if any joint has a speed limit."""
@@ -160,19 +267,6 @@ class RetargetedArm(PairedArm):
         """Names of the person's arm and of the robot."""
         mirrored = " (mirrored)" if self.mapping.mirror else ""
         return f"{self.analysis.model.name}{mirrored} on {self.robot.name}"
-
-
-def _of_joints(trajectory: JointTrajectory, columns: slice, robot: Model) -> JointTrajectory:
-    """Return the trajectory of one arm, whose joints have these columns."""
-    return JointTrajectory(
-        trajectory.time,
-        trajectory.positions[:, columns],
-        trajectory.velocities[:, columns],
-        trajectory.accelerations[:, columns],
-        robot.joint_names,
-        robot.units,
-        None if trajectory.efforts is None else trajectory.efforts[:, columns],
-    )
 
 
 def _timed(
@@ -196,3 +290,53 @@ def _timed(
         law = time_law(path.length, float(span[1] - span[0]), *ends, monotone=True)
         found.append(Synergy(group.start, group.stop, float(span[0]), path, law))
     return tuple(found)
+
+
+def compare_under_equal_limits(
+    planned: PlannedTrajectory,
+    motion: Motion,
+    mapping: PoseMapping,
+    *,
+    arm: int = 0,
+    rate: float = 100.0,
+    turning: bool = True,
+    placing: bool = True,
+) -> dict[str, MotionMeasures]:
+    """Return measures of an arm's planned motion, and of inverse kinematics of the person's hand.
+
+    The person's time at a time of the robot is interpolated between the ends of synergies, monotone
+    and without jumps of its rate (Fritsch, Carlson, SIAM J. Numerical Analysis 17, 1980).
+
+    Args:
+        planned: the motion of all arms.
+        motion: the person's.
+        mapping: mapping of its hand to the robot's.
+        arm: number of the arm.
+        rate: rate of the samples and of inverse kinematics [Hz].
+        turning, placing: turning and placing of inverse kinematics, see `track_within_limits`.
+
+    Returns:
+        Measures by the name of the method, see `measures_table`.
+    """
+    own = planned.arms[arm]
+    trajectory = planned.sampled(rate, arm)
+    clock = PchipInterpolator(planned.robot_edges, planned.edges)
+    recorded = clock(np.minimum(trajectory.time, planned.robot_edges[-1]))
+
+    def posture(instants: Array) -> Array:
+        return motion(np.clip(instants, *motion.time[[0, -1]]))
+
+    offsets = None
+    if has_elbow(own.robot, mapping.target) and has_elbow(mapping.model, mapping.source):
+        offset = elbow_function(own.robot, mapping.target)
+        offsets = (
+            lambda q: np.asarray(offset(q.T).full().T),
+            lambda instants: mapping.elbow_offsets(posture(instants)),
+        )
+    return compare_with_tracking(
+        *(own.robot, trajectory, recorded, lambda instants: mapping(posture(instants)), own.limits),
+        gravity=own.gravity,
+        elbow_offsets=offsets,
+        turning=turning,
+        placing=placing,
+    )

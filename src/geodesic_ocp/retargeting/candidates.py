@@ -9,21 +9,23 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
-from geodesic_ocp.retargeting.key_poses import (
+from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
+from geodesic_ocp.retargeting.waypoints import (
+    NO_COLLISIONS,
     REACHED,
+    ArmWaypoints,
+    ObjectiveWeights,
     Pose,
-    is_beyond,
     middle_of_ranges,
     nearest_configurations,
 )
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, parameters
 
 _STARTS = 96  # of the search at each waypoint
 _CARRIED = 32  # more, the configurations found at the waypoint before
@@ -81,16 +83,14 @@ class Candidates(ShortRepr):
 def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
     """Get configurations at each waypoint, from random starts and those of the waypoint before."""
     found: list[Candidates] = []
-    rng = np.random.default_rng(0)
+    rng, middle = np.random.default_rng(0), middle_of_ranges(waypoints.arm)[0]
+    lower, upper, _ = search_bounds(waypoints.arm, middle, waypoints.limited)
     for number in range(waypoints.count + 1):
         if number == 0 and waypoints.start is not None:
             found.append(Candidates.attaining(waypoints.start))
             continue
-        lower, upper = _search(waypoints, number, middle_of_ranges(waypoints.arm)[0]).bounds(
-            waypoints.limited
-        )
         starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
-        before = found[-1].q[:_CARRIED] if found else middle_of_ranges(waypoints.arm)[0][None, :]
+        before = found[-1].q[:_CARRIED] if found else middle[None]
         layer = candidates_near(waypoints, number, np.vstack([before, starts]))
         found.append(_reached(layer, waypoints, waypoints.poses[number]))
     return found
@@ -99,8 +99,12 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
 def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidates:
     """Return the candidates, after a more thorough search for a pose that none of them attains."""
     arm, near = waypoints.arm, layer.q[0]
-    if layer.within_reach or is_beyond(arm, pose):
+    if layer.within_reach:
         return layer
+    if pose.position is not None:
+        joint = arm.frame_pose(arm.joint_names[0], np.zeros(arm.dof))[1]
+        if np.linalg.norm(pose.position - joint) > arm.reach:  # farther than the hand ever is
+            return layer
     q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
     error, before = (max(pose.error(arm, each)) for each in (q, near))
     if error <= REACHED:
@@ -112,13 +116,13 @@ def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidat
 
 def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Candidates:
     """Return configurations at one waypoint, each near one of the starts (k, n)."""
-    search = _search(waypoints, number, starts[0])
-    arm = waypoints.arm
-    if waypoints.limited:
-        bounds = arm.lower, arm.upper
-    else:
-        bounds = np.full(arm.dof, -np.inf), np.full(arm.dof, np.inf)
-    q, errors = search.from_every_start(bounds, starts, waypoints.row_weights)
+    arm, pose = waypoints.arm, waypoints.poses[number]
+    search = PoseSearch.checked(
+        "retarget", arm, starts[0], pose.position, pose.rotation, NO_COLLISIONS
+    )
+    free = np.full(arm.dof, np.inf)
+    bounds = (arm.lower, arm.upper) if waypoints.limited else (-free, free)
+    q, errors = search.from_every_start(bounds, np.clip(starts, *bounds), waypoints.row_weights)
     errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
     return _chosen(q, errors, waypoints.near_misses, _MOST)
 
@@ -141,13 +145,6 @@ def _chosen(q: Array, errors: Array, near_misses: float, most: int) -> Candidate
             continue
         kept.append(index)
     return Candidates(q[kept], errors[kept])
-
-
-def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
-    pose = waypoints.poses[number]
-    return PoseSearch.checked(
-        *("retarget", waypoints.arm, near, pose.position, pose.rotation, CollisionAvoidance())
-    )
 
 
 def shortest_path(
@@ -181,8 +178,7 @@ _TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class StartConfigurations(ShortRepr):
+class StartConfigurations(NamedTuple):
     """Configurations at the waypoints (m + 1, n), and their cost.
 
     `missed` are the weights of the errors of poses out of reach (m + 1,), zero for the others.
@@ -209,18 +205,14 @@ def own_distances(
         return None
     first = sum(arm.arm.dof for arm in arms[:number])
     q = ca.SX.sym("q", clearance.dof)
-    distances = clearance.function(q)
-    own = np.zeros(clearance.dof, dtype=bool)
-    own[first : first + arms[number].arm.dof] = True
-    depends = np.array(ca.DM(ca.jacobian_sparsity(distances, q), 1.0).full(), dtype=bool)
-    rows = np.flatnonzero(~depends[:, ~own].any(axis=1) & depends.any(axis=1)).tolist()
-    if not rows:
-        return None
-    excess = (distances - ca.DM(clearance.lower))[rows]
-    mine = q[np.flatnonzero(own).tolist()]
-    others = q[np.flatnonzero(~own).tolist()]
-    excess = ca.substitute(excess, others, ca.DM.zeros(others.shape[0]))
-    return ca.Function("excess", [mine], [excess])
+    own, after = q[first : first + arms[number].arm.dof], first + arms[number].arm.dof
+    excess = clearance.function(q) - ca.DM(clearance.lower)
+    rows = ca.which_depends(excess, own, 1, True)
+    if (others := ca.vertcat(q[:first], q[after:])).numel():
+        shared = ca.which_depends(excess, others, 1, True)
+        rows = [mine and not theirs for mine, theirs in zip(rows, shared, strict=True)]
+    kept = np.flatnonzero(rows).tolist()
+    return ca.Function("excess", [own], [excess[kept]]) if kept else None
 
 
 def find_start(
@@ -249,19 +241,13 @@ def find_start(
             spread = np.repeat(around, _AROUND // len(around), axis=0)
             random = spread + _SPREAD * rng.standard_normal(spread.shape)
             starts = np.vstack([around, around.mean(axis=0), random])
-            more = candidates_near(waypoints, number, _inside(waypoints, starts))
+            more = candidates_near(waypoints, number, starts)
             finer.append(layer.joined(more, waypoints.near_misses))
         layers, before = tuple(finer), best
         best = _best(waypoints, weights, layers, distances)
         if best.cost > 0.99 * before.cost:
             break
     return best
-
-
-def _inside(waypoints: ArmWaypoints, q: Array) -> Array:
-    if not waypoints.limited:
-        return q
-    return np.asarray(np.clip(q, waypoints.arm.lower, waypoints.arm.upper))
 
 
 def _best(
@@ -296,14 +282,10 @@ def node_costs(
     waypoints: ArmWaypoints, weights: ObjectiveWeights, number: int, candidates: Candidates
 ) -> Array:
     """Return the costs (k,) at a waypoint: posture, likeness, gravity torques, missed poses."""
-    q, count = candidates.q, waypoints.count + 1
-    missed = np.zeros((len(q), 6))
-    missed[:, list(waypoints.rows)] = np.outer(candidates.missed, count * waypoints.row_weights**2)
-    offset = None if waypoints.offsets is None else waypoints.offsets[number]
-    pose, shares = waypoints.poses[number], (weights.posture, weights.likeness)
-    columns = np.transpose([parameters(pose, each, offset, *shares) for each in missed])
-    costs, _ = waypoints.terms.value.map(len(q))(q.T, columns)
-    return np.asarray(costs.full()).ravel() / count
+    q = candidates.q
+    parameters = [waypoints.parameters(number, each, weights) for each in candidates.missed]
+    costs, _ = waypoints.terms.value.map(len(q))(q.T, np.transpose(parameters))
+    return np.asarray(costs.full()).ravel() / (waypoints.count + 1)
 
 
 def _edge_costs(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -38,8 +38,7 @@ class SynergyGroup:
     kind: Kind
 
 
-@dataclass(frozen=True)
-class _Piece:
+class _Piece(NamedTuple):
     """Neighbouring synergies that are being merged."""
 
     first: int
@@ -49,13 +48,8 @@ class _Piece:
     still: bool = False
 
     def with_(self, other: _Piece) -> _Piece:
-        return replace(
-            self,
-            first=min(self.first, other.first),
-            last=max(self.last, other.last),
-            length=self.length + other.length,
-            seconds=self.seconds + other.seconds,
-        )
+        first, last = min(self.first, other.first), max(self.last, other.last)
+        return _Piece(first, last, self.length + other.length, self.seconds + other.seconds)
 
 
 def merge_synergies(
@@ -84,10 +78,7 @@ def merge_synergies(
     merge = max(drop, _MERGED * max(lengths)) if merge is None else as_number("merge", merge)
     if not 0.0 <= drop <= merge:
         raise ValueError(f"drop and merge must be 0 <= drop <= merge, got {drop:g} and {merge:g}")
-    pieces = [
-        _Piece(index, index, synergy.length, synergy.duration)
-        for index, synergy in enumerate(synergies)
-    ]
+    pieces = [_Piece(k, k, each.length, each.duration) for k, each in enumerate(synergies)]
     pieces = _rested(_joined(pieces, drop, np.inf), drop)
     pieces = _attached(_joined(pieces, merge, merge), merge)
     return tuple(_group(piece, synergies, drop) for piece in pieces)
@@ -114,10 +105,10 @@ def _rested(pieces: list[_Piece], drop: float) -> list[_Piece]:
     for index, piece in enumerate(pieces):
         if piece.length >= drop and piece.length > 0.0:
             # A dropped piece contributes its time, not its length.
-            result.append(piece if waiting is None else piece.with_(replace(waiting, length=0.0)))
+            result.append(piece if waiting is None else piece.with_(waiting._replace(length=0.0)))
             waiting = None
         elif piece.seconds >= _REST or index in (0, len(pieces) - 1):
-            result.append(replace(piece, still=True))
+            result.append(piece._replace(still=True))
         else:
             waiting = piece
     return result

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import groupby, pairwise
 from typing import Any
 
 import casadi as ca
@@ -32,7 +33,7 @@ from geodesic_ocp.ocp.conditions import NodeBounds
 from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.refinement import halved
 from geodesic_ocp.ocp.transcription import Units
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, parameters
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -118,11 +119,6 @@ class ArmPart:
         return replace(self, grid=halved(self.grid, coarse), last_segments=last)
 
     @property
-    def within_reach(self) -> tuple[bool, ...]:
-        """Return which poses are equalities (m + 1,)."""
-        return tuple((self.missed == 0.0).tolist())
-
-    @property
     def dof(self) -> int:
         """Number n of joints."""
         return self.waypoints.arm.dof
@@ -131,11 +127,6 @@ class ArmPart:
     def size(self) -> int:
         """Number of variables."""
         return self.grid.size * self.dof
-
-    @property
-    def waypoint_nodes(self) -> list[int]:
-        """Nodes of the grid at the waypoints (m + 1,)."""
-        return [0, *(self.grid.degree * last for last in self.last_segments)]
 
     @property
     def moving_time(self) -> float:
@@ -159,13 +150,13 @@ class ArmPart:
         transcription = self.definition.structure.transcription(self.grid)
         found, row = [], 0
         for block in transcription.blocks(ca.DM(units.parameters(self.grid)), first):
-            sides = (
-                each[row : row + block.size_g].reshape(block.count, -1)
+            here = slice(row, row + block.size_g)
+            lower, upper = (
+                each[here].reshape(block.count, -1)
                 for each in (self.bounds.lower_g, self.bounds.upper_g)
             )
-            lower, upper = sides
             found.append(replace(block, lower=lower, upper=upper))
-            row += block.size_g
+            row = here.stop
         return [*found, self.waypoint_block(first, weights)]
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
@@ -175,21 +166,17 @@ class ArmPart:
             first: index of the first of the arm's variables.
             weights: weights of the objective.
         """
-        given, rows = self.waypoints, []
-        count = given.count + 1
-        for number, pose in enumerate(given.poses):
-            missed = np.zeros(6)
-            missed[list(given.rows)] = self.missed[number] * count * given.row_weights**2
-            offset = None if given.offsets is None else given.offsets[number]
-            rows.append(parameters(pose, missed, offset, weights.posture, weights.likeness))
-        places = first + self.dof * np.array(self.waypoint_nodes)[:, None] + np.arange(self.dof)
-        free = ~np.array(self.within_reach)
+        given, count = self.waypoints, self.waypoints.count + 1
+        rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed)]
+        nodes = self.grid.degree * np.array([0, *self.last_segments])
+        places = first + self.dof * nodes[:, None] + np.arange(self.dof)
+        free = self.missed > 0.0
         free[0] |= given.start is not None
         upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
         share = np.full(count, 1.0 / count)
         return Block(given.terms, places, np.array(rows), -upper, upper, share)
 
-    def speed_rows(self, intervals: Sequence[Array]) -> tuple[scipy.sparse.coo_array, Array]:
+    def speed_rows(self, intervals: Array) -> tuple[scipy.sparse.coo_array, Array]:
         """Return matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean
         speeds.
 
@@ -197,32 +184,24 @@ class ArmPart:
         over the halves of the movements, which leaves the paths in between as they are.
 
         Args:
-            intervals: for each movement the share of each interval in its duration.
+            intervals: for each movement the share of each interval in its duration, (m, intervals).
         """
-        n, given, degree = self.dof, self.waypoints, self.grid.degree
-        rows: list[int] = []
-        columns: list[int] = []
-        entries: list[float] = []
-        times: list[Array] = []
-        breakpoints, first = self.grid.breakpoints, 0
-        for number, last in enumerate(self.last_segments):
-            middle = int(
-                np.argmin(np.abs(2.0 * breakpoints - breakpoints[first] - breakpoints[last]))
-            )
-            pieces = [(first, last)] if last - first == 1 else [(first, middle), (middle, last)]
-            joints = np.flatnonzero(np.isfinite(given.speed[number]))
-            for begin, end in pieces:
+        given, breakpoints = self.waypoints, self.grid.breakpoints
+        unit = scipy.sparse.eye_array(self.size, format="csr")
+        nodes = self.grid.degree * self.dof * np.arange(breakpoints.size)[:, None]
+        matrices, times = [], list[Array]()
+        for number, (first, last) in enumerate(pairwise([0, *self.last_segments])):
+            limited = np.isfinite(given.speed[number])
+            joints = np.repeat(np.flatnonzero(limited), 2)  # in both directions
+            speed = given.speed[number, joints] * np.tile([1.0, -1.0], limited.sum())
+            middle = np.abs(2.0 * breakpoints - breakpoints[first] - breakpoints[last]).argmin()
+            for begin, end in pairwise(dict.fromkeys([first, int(middle), last])):
                 seconds = self.moving_time * (breakpoints[end] - breakpoints[begin])
-                for joint in joints:
-                    scale = 1.0 / (given.speed[number, joint] * seconds)
-                    for sign in (scale, -scale):
-                        rows += [len(times), len(times)]
-                        columns += [degree * end * n + int(joint), degree * begin * n + int(joint)]
-                        entries += [sign, -sign]
-                        times.append(intervals[number])
-            first = last
-        matrix = scipy.sparse.coo_array((entries, (rows, columns)), (len(times), self.size))
-        return matrix, np.reshape(times, (len(times), len(intervals[0])))
+                step = unit[nodes[end] + joints] - unit[nodes[begin] + joints]
+                matrices.append(step.multiply(1.0 / (speed * seconds)[:, None]))
+                times += [intervals[number]] * joints.size
+        matrix = scipy.sparse.vstack(matrices, format="coo")
+        return matrix, np.reshape(times, (len(times), intervals.shape[1]))
 
     def nodes_on_lines(self, q: Array) -> Array:
         """Return positions at the nodes (size, n) on the straight lines between waypoints (m + 1,
@@ -239,16 +218,14 @@ class ArmPart:
 
     def paths(self, nodes: Array) -> list[Path]:
         """Return the path of each movement."""
-        grid, found, first = self.grid, [], 0
-        for last in self.last_segments:
+        grid, found = self.grid, []
+        for first, last in pairwise([0, *self.last_segments]):
             ends = grid.breakpoints[first : last + 1]
             ends = (ends - ends[0]) / (ends[-1] - ends[0])
-            part = Grid(
-                last - first, grid.degree, tuple(ends.tolist()) if last - first > 1 else None
-            )
+            several = tuple(ends.tolist()) if last - first > 1 else None
             here = nodes[grid.degree * first : grid.degree * last + 1]
+            part = Grid(last - first, grid.degree, several)
             found.append(Path(metric_of(self.waypoints.arm), part, here))
-            first = last
         return found
 
 
@@ -283,7 +260,7 @@ class MotionProgram:
     parts: Sequence[ArmPart]
     edges: Array
     weights: ObjectiveWeights
-    clearance: Clearance | None = None
+    clearance: Clearance
     rows: Mapping[tuple[int, float], float] = field(default_factory=dict)
 
     @cached_property
@@ -302,11 +279,9 @@ class MotionProgram:
         """A (rows, nodes of all arms) and B (rows, intervals): A x <= 1 + B sigma."""
         steps, found = np.diff(self.edges), []
         for part in self.parts:
-            given, shares = part.waypoints, []
-            for begin, end in zip(given.begins, given.ends, strict=True):
-                inside = (self.edges[:-1] >= begin - 1e-9) & (self.edges[1:] <= end + 1e-9)
-                shares.append(np.where(inside, steps, 0.0) / (end - begin))
-            found.append(part.speed_rows(shares))
+            begins, ends = (each[:, None] for each in (part.waypoints.begins, part.waypoints.ends))
+            inside = (self.edges[:-1] >= begins - 1e-9) & (self.edges[1:] <= ends + 1e-9)
+            found.append(part.speed_rows(np.where(inside, steps, 0.0) / (ends - begins)))
         by_nodes = scipy.sparse.block_diag([each for each, _ in found], format="csr")
         return by_nodes, np.vstack([each for _, each in found])
 
@@ -330,18 +305,16 @@ class MotionProgram:
 
     def _distances(self) -> list[Block]:
         blocks, order = [], sorted(self.rows)
-        for number in dict.fromkeys(number for number, _ in order):
-            assert self.clearance is not None
-            here = [k for k, (other, _) in enumerate(order) if other == number]
-            matrices = []
-            for k in here:
-                slack = self.offsets[-1] + k
-                one = scipy.sparse.csr_array(([1.0], ([0], [slack])), (1, self.size))
-                matrices += [place_at(self.parts, self.size, order[k][1]), one]
+        unit = scipy.sparse.eye_array(self.size, format="csr")
+        for number, group in groupby(enumerate(order, self.offsets[-1]), key=lambda row: row[1][0]):
+            matrices, lower = [], []
+            for slack, row in group:
+                matrices += [place_at(self.parts, self.size, row[1]), unit[[slack]]]
+                lower.append([self.rows[row]])
             places = scipy.sparse.vstack(matrices, format="csr")
-            lower = np.array([[self.rows[order[k]]] for k in here])
-            terms = _distance(self.clearance, number)
-            blocks.append(Block(terms, places, None, lower, np.full_like(lower, np.inf)))
+            terms = _distance(self.clearance.row(number))
+            upper = np.full_like(lower, np.inf)
+            blocks.append(Block(terms, places, None, np.array(lower), upper))
         return blocks
 
     @cached_property
@@ -396,7 +369,7 @@ def _identity() -> Terms:
 
 
 @lru_cache(maxsize=256)
-def _distance(clearance: Clearance, number: int) -> Terms:
+def _distance(row: ca.Function) -> Terms:
     """Return a distance and its slack."""
-    q, slack = ca.SX.sym("q", clearance.dof), ca.SX.sym("slack")
-    return Terms(ca.vertcat(q, slack), constraints=clearance.row(number)(q) + slack)
+    q, slack = ca.SX.sym("q", row.size1_in(0)), ca.SX.sym("slack")
+    return Terms(ca.vertcat(q, slack), constraints=row(q) + slack)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
+from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.nearest_poses import NearestPoses, nearest_poses, search_range
+from geodesic_ocp.ocp.pose_search import errors_and_twists, pose_steps, search_bounds
+from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
@@ -20,8 +23,12 @@ if TYPE_CHECKING:
 
 _SCALES = (0.95, 0.9, 0.85, 0.8, 0.7, 0.6)
 _SHIFTS = (0.1, 0.2, 0.3)  # of the arm's length
-_TURNS = (30, 60, 90, 180)  # [degrees]
-_TILTS = (30, 60, 90)  # [degrees]
+_ANGLES = (30, -30, 60, -60, 90, -90)  # [degrees]
+_TURNS = (
+    (2, (*_ANGLES, 180), "turn the robot's base about the vertical"),
+    (0, _ANGLES, "tilt the robot's base about the person's right"),
+    (1, _ANGLES, "tilt the robot's base about the person's forward axis"),
+)
 _WAYS = (("to the right", "to the left"), ("forward", "backward"), ("up", "down"))
 
 
@@ -58,43 +65,32 @@ class Mounting:
         return text[0].upper() + text[1:]
 
 
-def mountings(alignment: Alignment, missed: Array) -> Iterator[Mounting]:
-    """Yield mountings to try, the smaller changes first.
+def mountings(alignment: Alignment, missed: Array) -> list[Mounting]:
+    """Return mountings to try, the smaller changes first.
 
     Args:
         alignment: the present one.
         missed: mean vector (3,) [m] from the nearest positions within reach to those out of reach,
             in the robot's base; zero if the positions are within reach.
     """
-    back = list(_towards(alignment, missed))
-    shifts, turns = list(_shifted(alignment)), list(_turned(alignment))
-    yield from back
-    for factor in _SCALES[:2]:
-        yield Mounting(alignment, factor, "", "")
-    yield from shifts
-    for factor in _SCALES[2:]:
-        yield Mounting(alignment, factor, "", "")
-    yield from turns
-    for factor in _SCALES[1::2]:
-        for each in (*back[-1:], *shifts[:6], *turns):
-            yield replace(each, factor=factor)
-
-
-def _towards(alignment: Alignment, missed: Array) -> Iterator[Mounting]:
-    """Yield the person's shoulder moved so that poses out of reach come nearer to the robot."""
-    size = float(np.linalg.norm(missed))
+    size, directions = float(np.linalg.norm(missed)), np.asarray(alignment.base).T
+    back = []  # the person's shoulder, so that poses out of reach come nearer to the robot
     if size > 0.0:
-        for part in (_SHIFTS[0] / 2.0, *_SHIFTS):
-            yield _moved(alignment, -missed / size * part * alignment.length)
-
-
-def _shifted(alignment: Alignment) -> Iterator[Mounting]:
-    """Yield the person's shoulder elsewhere on the robot, along one axis."""
-    base = np.asarray(alignment.base)
-    for part in _SHIFTS:
-        for axis in base.T:
-            for sign in (1.0, -1.0):
-                yield _moved(alignment, sign * part * alignment.length * axis)
+        parts = (_SHIFTS[0] / 2.0, *_SHIFTS)
+        back = [_moved(alignment, -missed / size * part * alignment.length) for part in parts]
+    shifts = [
+        _moved(alignment, sign * part * alignment.length * axis)
+        for part in _SHIFTS
+        for axis in directions
+        for sign in (1.0, -1.0)
+    ]
+    turns = [
+        _turned(alignment, axis, angle, verb) for axis, degrees, verb in _TURNS for angle in degrees
+    ]
+    smaller = [Mounting(alignment, factor, "", "") for factor in _SCALES]
+    some = (*back[-1:], *shifts[:6], *turns)
+    both = [replace(each, factor=factor) for factor in _SCALES[1::2] for each in some]
+    return [*back, *smaller[:2], *shifts, *smaller[2:], *turns, *both]
 
 
 def _moved(alignment: Alignment, shift: Array) -> Mounting:
@@ -113,37 +109,114 @@ def _moved(alignment: Alignment, shift: Array) -> Mounting:
     )
 
 
-def _turned(alignment: Alignment) -> Iterator[Mounting]:
-    """Yield the robot's base turned about the person's vertical, or tilted."""
-    base = np.asarray(alignment.base)
-    for axis, degrees, verb in (
-        (2, _TURNS, "turn the robot's base about the vertical"),
-        (0, _TILTS, "tilt the robot's base about the person's right"),
-        (1, _TILTS, "tilt the robot's base about the person's forward axis"),
-    ):
-        for size in degrees:
-            for angle in (size, -size) if size < 180 else (size,):
-                new = np.round(base @ _rotation(axis, -np.radians(angle)), 12) + 0.0
-                rows = ", ".join(_numbers(row, 6) for row in new)
-                yield Mounting(
-                    replace(alignment, base=new),
-                    1.0,
-                    f"{verb} by {angle} degrees",
-                    f"base=[{rows}]",
-                )
-
-
-def _rotation(axis: int, angle: float) -> Array:
-    """Return rotation (3, 3) about a coordinate axis."""
-    one, other = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.eye(3)
-    rotation[one, one] = rotation[other, other] = np.cos(angle)
-    rotation[one, other], rotation[other, one] = -np.sin(angle), np.sin(angle)
-    return rotation
+def _turned(alignment: Alignment, axis: int, angle: int, verb: str) -> Mounting:
+    """Return the robot's base turned by an angle [degrees] about an axis of the person."""
+    turn = Rotation.from_euler("xyz"[axis], -angle, degrees=True).as_matrix()
+    new = np.round(np.asarray(alignment.base) @ turn, 12) + 0.0
+    rows = ", ".join(_numbers(row, 6) for row in new)
+    return Mounting(
+        replace(alignment, base=new), 1.0, f"{verb} by {angle} degrees", f"base=[{rows}]"
+    )
 
 
 def _numbers(values: Array, digits: int = 3) -> str:
     return f"({', '.join(f'{value:.{digits}g}' for value in values)})"
+
+
+_ATTAINED = 1e-8  # [m] and [rad]
+_FEW, _MANY = 32, 256  # configurations that a mapped function takes
+
+
+class NearestPoses(NamedTuple):
+    """The nearest poses found.
+
+    Attributes:
+        q: configurations (k, n).
+        distances: distances of the hand from the targets (k,) [m].
+        angles: likewise (k,) [rad]; zero if the rotation is free.
+    """
+
+    q: Array
+    distances: Array
+    angles: Array
+
+
+def nearest_poses(
+    robot: Model, rotations: Array | None, positions: Array, starts: Array, steps: int
+) -> NearestPoses:
+    """Return configurations within the limits whose hand poses are nearest to k targets.
+
+    Levenberg-Marquardt steps on |p - position|^2 + angle^2 ([m], [rad]) from m starts for each
+    target, on all of them at once; the best of each is kept.
+
+    Args:
+        robot: the arm.
+        rotations: (k, 3, 3) in its base frame; None leaves them free.
+        positions: (k, 3) [m].
+        starts: configurations (k, m, n).
+        steps: number of steps.
+    """
+    count, each, n = starts.shape
+    rows = tuple(range(3 if rotations is None else 6))
+    lower, upper = search_range(robot)
+    target = np.repeat(np.arange(count), each)
+    turned = np.repeat(np.eye(3)[None], count, axis=0) if rotations is None else rotations
+    by_columns = turned.transpose(0, 2, 1).reshape(count, 9)
+    axes = np.tile(np.eye(3).ravel(), (count, 1))
+    unused = np.zeros((count, n)), np.zeros((count, 1 + len(rows)))
+    poses = np.hstack([unused[0], positions, by_columns, axes, unused[1]])
+    q = np.clip(starts.reshape(-1, n), lower, upper)
+    best = q.copy()
+    least = np.full(len(q), np.inf)
+    active = np.arange(len(q))
+    for number in range(steps + 1):
+        errors, jacobians = _errors(robot, rows, q[active], poses[target[active]])
+        square = (errors * errors).sum(axis=1)
+        better = square < least[active]
+        best[active[better]], least[active[better]] = q[active[better]], square[better]
+        # A target that one of its starts has reached needs no other.
+        reached = np.zeros(count, dtype=bool)
+        reached[target[least <= _ATTAINED**2]] = True
+        going = ~reached[target[active]]
+        active, errors, jacobians = active[going], errors[going], jacobians[going]
+        if not len(active) or number == steps:
+            break
+        step, _ = pose_steps(q[active], errors, jacobians, None, lower, upper)
+        q[active] = np.clip(q[active] + step, lower, upper)
+    grouped = least.reshape(count, each)
+    chosen = best.reshape(count, each, n)[np.arange(count), grouped.argmin(axis=1)]
+    errors, _ = _errors(robot, rows, chosen, poses)
+    distances = np.linalg.norm(errors[:, :3], axis=1)
+    return NearestPoses(chosen, distances, np.linalg.norm(errors[:, 3:], axis=1))
+
+
+def search_range(robot: Model) -> tuple[Array, Array]:
+    """Return lower and upper bounds (n,) of the search: the limits, or half a revolution either
+    way.
+    """
+    lower, upper, _ = search_bounds(robot, np.zeros(robot.dof), True)
+    return lower, upper
+
+
+def _errors(robot: Model, rows: tuple[int, ...], q: Array, poses: Array) -> tuple[Array, Array]:
+    """Return pose errors (k, rows) and Jacobians (k, rows, n)."""
+    count, n = q.shape
+    errors, jacobians = np.empty((count, len(rows))), np.empty((count, len(rows), n))
+    width = _FEW if count <= _FEW else _MANY
+    for first in range(0, count, width):
+        size = min(width, count - first)
+        part = slice(first, first + size)
+        padded = np.zeros((width, n)), np.tile(poses[:1], (width, 1))
+        padded[0][:size], padded[1][:size] = q[part], poses[part]
+        found, sides = _mapped(robot, rows, width)(padded[0].T, padded[1].T)
+        errors[part] = found.full().T[:size]
+        jacobians[part] = sides.full().reshape(len(rows), width, n).transpose(1, 0, 2)[:size]
+    return errors, jacobians
+
+
+@lru_cache(maxsize=64)
+def _mapped(robot: Model, rows: tuple[int, ...], count: int) -> ca.Function:
+    return errors_and_twists(robot, rows).map(count)
 
 
 _WITHIN = 1e-4  # [m] and [rad]
@@ -240,6 +313,7 @@ def reachability(
     )
     if not unreachable:
         return Reachability(len(placed), (), None, len(placed), "")
+    mounting: Mounting | None
     mounting, helped = _best(robot, alignment, turned, placed, found)
     if helped <= int(attained.sum()):
         mounting, helped = None, int(attained.sum())
@@ -284,37 +358,35 @@ def _best(
     rotations: Array | None,
     positions: Array,
     found: NearestPoses,
-) -> tuple[Mounting | None, int]:
+) -> tuple[Mounting, int]:
     """Return the mounting with the most poses within reach, and their number."""
+    turned = np.tile(np.eye(3), (len(positions), 1, 1)) if rotations is None else rotations
+    person = alignment.to_person(turned, positions)
+
+    def within_reach(mounting: Mounting, some: Indices, starts: Array, steps: int) -> int:
+        mapped, placed = mounting.poses(*(each[some] for each in person))
+        wanted = None if rotations is None else mapped
+        return int(_attained(nearest_poses(robot, wanted, placed, starts, steps)).sum())
+
     # Poses as far from reach as possible decide; the others are nearly always kept.
     order = np.argsort(-(found.distances + found.angles), kind="stable")[:_MOST_POSES]
-    person = alignment.to_person(
-        np.repeat(np.eye(3)[None], len(positions), axis=0) if rotations is None else rotations,
-        positions,
-    )
-    some = np.random.default_rng(1).uniform(
+    random = np.random.default_rng(1).uniform(
         *search_range(robot), (len(order), _FEW_STARTS - 1, robot.dof)
     )
-    starts = np.concatenate([found.q[order][:, None], some], axis=1)
-    best: Mounting | None = None
-    most = -1
+    starts = np.concatenate([found.q[order][:, None], random], axis=1)
     _, nearest = robot.hand_pose(found.q)
     far = found.distances > _WITHIN
     missed = (positions - nearest)[far].mean(axis=0) if np.any(far) else np.zeros(3)
+    best, most = None, -1
     for mounting in mountings(alignment, missed):
-        turned, placed = mounting.poses(person[0][order], person[1][order])
-        given = None if rotations is None else turned
-        number = int(_attained(nearest_poses(robot, given, placed, starts, _FEW_STEPS)).sum())
+        number = within_reach(mounting, order, starts, _FEW_STEPS)
         if number > most:
             best, most = mounting, number
         if most == len(order):
             break
-    if best is None:
-        return None, 0
-    turned, placed = best.poses(*person)
-    every = _random_starts(robot, len(placed))
-    given = None if rotations is None else turned
-    return best, int(_attained(nearest_poses(robot, given, placed, every, _STEPS)).sum())
+    assert best is not None
+    every = np.arange(len(positions))
+    return best, within_reach(best, every, _random_starts(robot, every.size), _STEPS)
 
 
 def _advice(

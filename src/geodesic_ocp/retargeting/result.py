@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -19,12 +20,15 @@ from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.figures.analysis_figure import draw_overview, widest_of_thirds
 from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.records import write_together
-from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
+from geodesic_ocp.retargeting.arm_result import (
+    NEAR_MISS,
+    TOO_NEAR,
+    RetargetedArm,
+    compare_under_equal_limits,
+)
 from geodesic_ocp.retargeting.retargeting_strips import retargeting_strips
-from geodesic_ocp.retargeting.settings import TOUCHING, RetargetingSettings, in_check
+from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
-from geodesic_ocp.retargeting.transfer import NEAR_MISS, TOO_NEAR
 from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -34,6 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+_TOUCHING = 1e-3  # [m]
 _METHODS = {"synergies": "geodesic synergies", "ik": "inverse kinematics"}
 
 
@@ -80,7 +85,7 @@ class Retargeting:
     @cached_property
     def trajectory(self) -> JointTrajectory:
         """The robot's trajectory: all joints at a uniform rate, by default from rest to rest."""
-        return JointTrajectory.side_by_side([arm.trajectory for arm in self.arms], self.joint_names)
+        return self.planned.sampled(self.rate)
 
     @cached_property
     def motion(self) -> Motion:
@@ -104,7 +109,7 @@ class Retargeting:
     def touches(self) -> bool:
         """True if links touch each other or an obstacle, where geometry is known."""
         least = self.check.clearance
-        return least is not None and least < TOUCHING
+        return least is not None and least < _TOUCHING
 
     @property
     def too_weak(self) -> tuple[str, ...]:
@@ -131,33 +136,30 @@ class Retargeting:
     @cached_property
     def check(self) -> TrajectoryCheck:
         """True if the trajectory keeps all limits, is consistent, and no links touch."""
-        robots = [arm.robot for arm in self.arms]
-        limits = [arm.limits for arm in self.arms]
-        gravities = [arm.gravity for arm in self.arms]
+        clearance = self.clearance
+        if clearance is not None:
+            clearance = replace(clearance, lower=np.full(len(clearance.names), _TOUCHING))
         return check_trajectory(
             self.trajectory,
-            robots,
-            limits,
-            gravity=gravities,
+            [arm.robot for arm in self.arms],
+            [arm.limits for arm in self.arms],
+            gravity=[arm.gravity for arm in self.arms],
             rest=self.settings.rest,
-            clearance=None if self.clearance is None else in_check(self.clearance),
+            clearance=clearance,
         )
 
     def comparison(self, arm: int = 0) -> DataFrame:
-        """Return beside inverse kinematics under the same limits, in this time and in the person's.
+        """Return measures beside inverse kinematics under the same limits, in two times.
 
-        Energy, torque, smoothness, likeness to the person, errors of the hand, and the time that it
-        takes (`compare_under_equal_limits`).
+        In this time and in the person's: energy, torque, smoothness, likeness to the person, errors
+        of the hand, and the time that it takes (`compare_under_equal_limits`).
 
         Args:
             arm: number of the arm.
         """
-        one = self.arms[arm]
-        settings = self.settings
+        one, settings = self.arms[arm], self.settings
         found = compare_under_equal_limits(
-            self.planned,
-            one.analysis.motion,
-            one.mapping,
+            *(self.planned, one.analysis.motion, one.mapping),
             arm=arm,
             rate=self.rate,
             turning=settings.orientation_weight > 0.0,
@@ -167,77 +169,51 @@ class Retargeting:
 
     def table(self) -> DataFrame:
         """Get action, speed and errors of the hand, of the synergies and of inverse kinematics."""
-        header = (
-            "arm",
-            "method",
-            "action [J s]",
-            "peak speed [limit]",
-            "hand, mean [m]",
-            "hand, mean [rad]",
-            "limit violation [rad or m]",
-        )
         rows = [
-            (
-                arm.title,
-                _METHODS[method],
-                found.action,
-                found.peak_speed if arm.has_speed_limits else None,
-                found.position,
-                found.orientation,
-                found.limit_violation,
-            )
+            {
+                "arm": arm.title,
+                "method": _METHODS[method],
+                "action [J s]": found.action,
+                "peak speed [limit]": found.peak_speed if arm.has_speed_limits else None,
+                "hand, mean [m]": found.position,
+                "hand, mean [rad]": found.orientation,
+                "limit violation [rad or m]": found.limit_violation,
+            }
             for arm in self.arms
             for method, found in arm.statistics.items()
         ]
         note = (
             "means over the samples of the recording; `comparison` has those over the robot's time"
         )
-        return new_table(header, rows, note)
+        return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], note)
 
     def synergy_table(self) -> DataFrame:
         """Return the robot's synergies, with the person's from which they are made; both count from
         1.
         """
-        header = (
-            "arm",
-            "synergy",
-            "person's synergies",
-            "dropped",
-            "kind",
-            "start [s]",
-            "duration [s]",
-            "time scaled by",
-            "length [kg^1/2 m]",
-            "hand error [m]",
-            "hand error [rad]",
-            "iterations",
-            "status",
-        )
-        rows: list[tuple[str | int | float | None, ...]] = []
+        rows: list[dict[str, str | int | float | None]] = []
         for arm in self.arms:
-            time = arm.analysis.motion.time
-            for number, (group, synergy, transfer) in enumerate(
-                zip(arm.groups, arm.synergies, arm.transfers, strict=True), 1
-            ):
-                seconds = float(time[group.stop] - time[group.start])
+            parts = zip(arm.groups, arm.synergies, arm.transfers, strict=True)
+            for number, (group, synergy, transfer) in enumerate(parts, 1):
+                moves = group.kind != "rest"
                 rows.append(
-                    (
-                        arm.robot.name,
-                        number,
-                        _span(group.members),
-                        _span(group.dropped),
-                        group.kind,
-                        synergy.start_time,
-                        synergy.duration,
-                        synergy.duration / seconds,
-                        synergy.length,
-                        None if group.kind == "rest" else transfer.position_error,
-                        None if group.kind == "rest" else transfer.rotation_error,
-                        transfer.iterations,
-                        transfer.status,
-                    )
+                    {
+                        "arm": arm.robot.name,
+                        "synergy": number,
+                        "person's synergies": _span(group.members),
+                        "dropped": _span(group.dropped),
+                        "kind": group.kind,
+                        "start [s]": synergy.start_time,
+                        "duration [s]": synergy.duration,
+                        "time scaled by": synergy.duration / arm.seconds(group),
+                        "length [kg^1/2 m]": synergy.length,
+                        "hand error [m]": transfer.position_error if moves else None,
+                        "hand error [rad]": transfer.rotation_error if moves else None,
+                        "iterations": transfer.iterations,
+                        "status": transfer.status,
+                    }
                 )
-        return new_table(header, rows)
+        return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
 
     def plot(self) -> Figure:
         """Return person and robot at some instants, the hand and three joints over time, and its
@@ -260,7 +236,7 @@ class Retargeting:
             joints = []
             for joint in widest_of_thirds(arm.motion.q):
                 name, unit = arm.robot.joint_names[joint], arm.robot.units[joint]
-                label = f"{_short(name)}\n[{unit}]"
+                label = f"{name.removesuffix('_joint').removeprefix('panda_')}\n[{unit}]"
                 joints.append((label, arm.tracked.q[:, joint], arm.motion.q[:, joint]))
             ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
             names, other = ("person's hand, mapped", "geodesic synergies"), _METHODS["ik"]
@@ -307,20 +283,11 @@ class Retargeting:
 
 def _span(indices: tuple[int, ...]) -> str:
     """Return numbers, from 1, of indices as text: "3", "3-5", "3, 5", or "-" for none."""
-    parts: list[str] = []
-    first = last = None
-    for number in (*(index + 1 for index in indices), None):
-        if last is not None and number == last + 1:
-            last = number
-            continue
-        if first is not None:
-            parts.append(f"{first}" if first == last else f"{first}-{last}")
-        first = last = number
+    parts = []
+    for _, run in groupby(enumerate(indices), key=lambda each: each[1] - each[0]):
+        numbers = [index + 1 for _, index in run]
+        parts.append("-".join(map(str, dict.fromkeys((numbers[0], numbers[-1])))))
     return ", ".join(parts) or "-"
-
-
-def _short(name: str) -> str:
-    return name.removesuffix("_joint").removeprefix("panda_")
 
 
 # A hand's path is a detour if it is longer than this factor times the person's, and this much more.
@@ -355,33 +322,30 @@ def warn_of_detours(result: Retargeting) -> None:
 
 def _of_arm(arm: RetargetedArm) -> Iterator[str]:
     time = arm.analysis.motion.time
-    for number, (group, transfer, synergy) in enumerate(
-        zip(arm.groups, arm.transfers, arm.synergies, strict=True), 1
-    ):
+    parts = zip(arm.groups, arm.transfers, arm.synergies, strict=True)
+    for number, (group, transfer, synergy) in enumerate(parts, 1):
+        if group.kind == "rest":
+            continue
         where = (
             f"synergy {number} of {arm.robot.name} ({time[group.start]:.2f} to "
             f"{time[group.stop]:.2f} s of the recording)"
         )
-        if group.kind == "rest":
-            continue
-        if why := _MISSED_AS.get(transfer.status):
-            errors = transfer.position_error, transfer.rotation_error
-            if max(errors) > _MISSED:
-                yield f"{where} ends {errors[0]:.2g} m and {errors[1]:.2g} rad from its pose, {why}"
-        here = slice(group.start, group.stop + 1)
-        of_person = _lengths(arm.target_poses[0][here], arm.target_poses[1][here])
-        curve = transfer.path(np.linspace(0.0, 1.0, _SAMPLES))
-        of_robot = _lengths(*arm.robot.hand_pose(curve))
+        errors = transfer.position_error, transfer.rotation_error
+        if transfer.status in _MISSED_AS and max(errors) > _MISSED:
+            missed = f"{errors[0]:.2g} m and {errors[1]:.2g} rad"
+            yield f"{where} ends {missed} from its pose, {_MISSED_AS[transfer.status]}"
+        of_person = _lengths(*(each[group.start : group.stop + 1] for each in arm.target_poses))
+        of_robot = _lengths(*arm.robot.hand_pose(transfer.path(np.linspace(0.0, 1.0, _SAMPLES))))
         kinds = [("moves", _MORE, "m"), ("turns", _MORE_ANGLE, "rad")]
         if transfer.pose.rotation is None:
-            of_robot, of_person, kinds = of_robot[:1], of_person[:1], kinds[:1]
-        for mine, theirs, (verb, more, unit) in zip(of_robot, of_person, kinds, strict=True):
+            kinds = kinds[:1]
+        for mine, theirs, (verb, more, unit) in zip(of_robot, of_person, kinds, strict=False):
             if mine > _FACTOR * theirs + more:
                 person = f"the person {verb} it by {theirs:.2g} {unit}"
                 yield f"{where} {verb} the hand by {mine:.2g} {unit}, {person}"
-        seconds = float(time[group.stop] - time[group.start])
-        if synergy.duration > _SLOW * seconds:
-            yield f"{where} takes {synergy.duration / seconds:.2g} times the person's time"
+        slower = synergy.duration / arm.seconds(group)
+        if slower > _SLOW:
+            yield f"{where} takes {slower:.2g} times the person's time"
 
 
 def _lengths(rotations: Array, positions: Array) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,34 +15,33 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.limits import JointLimits, joint_limits
+from geodesic_ocp.execution.limits import JointLimits, checked_limits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.retargeting.alignment.align import align
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
-from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.candidates import first_candidates
-from geodesic_ocp.retargeting.key_poses import PairedArm, PoseMapping
-from geodesic_ocp.retargeting.reachability import reachability
-from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
-from geodesic_ocp.retargeting.settings import (
-    RetargetingSettings,
-    motion_clearance,
-    of_paths,
-    of_trajectory,
-)
-from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
-from geodesic_ocp.retargeting.transfer import (
-    FreeGeodesics,
+from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
+from geodesic_ocp.retargeting.arm_result import (
     OutOfReach,
+    RetargetedArm,
     Transfer,
     transfers_on,
     unattained,
 )
-from geodesic_ocp.retargeting.waypoints import arm_waypoints
+from geodesic_ocp.retargeting.candidates import first_candidates
+from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
+from geodesic_ocp.retargeting.merge_synergies import merge_synergies
+from geodesic_ocp.retargeting.reachability import reachability
+from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
+from geodesic_ocp.retargeting.settings import (
+    BEYOND,
+    RetargetingSettings,
+    motion_clearance,
+    of_trajectory,
+)
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
+from geodesic_ocp.retargeting.waypoints import PairedArm, PoseMapping, arm_waypoints, start_of
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
@@ -162,18 +162,16 @@ def retarget_arms(
     tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
     if not (isinstance(problem, type) and issubclass(problem, SynergyPaths)):
         raise ValueError(f"problem must be SynergyPaths or a subclass of it, got {problem!r}")
-    pairs = _paired(analyses, robots, alignments, person_alignments, limits, settings)
-    start_of_each = _one_each("starts", starts, len(pairs))
+    pairs = _paired(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
     if settings.constrained:
-        both = zip(pairs, start_of_each, strict=True)
-        arms = [arm_waypoints(pair, start, tolerance) for pair, start in both]
+        arms = [arm_waypoints(pair, tolerance) for pair in pairs]
         candidates = [tuple(first_candidates(arm)) for arm in arms]
         far = [unattained(*each) for each in zip(pairs, arms, candidates, strict=True)]
         _warn_out_of_reach(pairs, far)
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
-        kept = None if clearance is None else of_paths(clearance)
+        kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
         motion = problem(tuple(arms), tuple(candidates), kept, *weights, tolerance, report)
         found: Any = solve(motion, throw=throw)
         paths = found
@@ -182,10 +180,13 @@ def retarget_arms(
             for number, (pair, each) in enumerate(zip(pairs, far, strict=True))
         ]
     else:
-        free = [FreeGeodesics.of(*each) for each in zip(pairs, start_of_each, strict=True)]
-        far = [each.out_of_reach for each in free]
+        free = [free_ends(pair) for pair in pairs]
+        far = [each[2] for each in free]
         _warn_out_of_reach(pairs, far)
-        transfers = [each.transfers(throw, report) for each in free]
+        transfers = [
+            free_geodesics(pair, begin, ends, throw, report)
+            for pair, (begin, ends, _) in zip(pairs, free, strict=True)
+        ]
     planned = _in_time(pairs, transfers, paths, clearance, throw, report)
     retargeted = tuple(
         RetargetedArm.retargeted(*each, planned, number, rate)
@@ -204,6 +205,7 @@ def _paired(
     alignments: Any,
     person_alignments: Any,
     limits: Any,
+    starts: Any,
     settings: RetargetingSettings,
 ) -> list[PairedArm]:
     """Return persons' arms and robots, from the arguments of `retarget_arms`."""
@@ -217,24 +219,24 @@ def _paired(
         raise ValueError(f"settings must be RetargetingSettings, got {settings!r}")
     targets = _alignments("alignments", alignments, robots)
     sources = _alignments("person_alignments", person_alignments, [a.model for a in analyses])
-    given = _one_each("limits", limits, len(robots))
+    given = (_one_each(*each, len(robots)) for each in (("limits", limits), ("starts", starts)))
     pairs = []
-    for analysis, robot, source, target, limit in zip(
-        analyses, robots, sources, targets, given, strict=True
+    for analysis, robot, source, target, limit, start in zip(
+        analyses, robots, sources, targets, *given, strict=True
     ):
         heavier = with_rotor_inertia(robot) if settings.rotor_inertia else robot
         mapping = PoseMapping.between(analysis.model, source, target, settings)
-        bound = _limits(heavier, limit, settings)
-        pairs.append(PairedArm.of(analysis, heavier, mapping, bound, settings))
+        bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
+        groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
+        begin = None if start is None else start_of(heavier, start, settings)
+        pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
     return pairs
 
 
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
     """Return the given limits, those of the robot, or none at all."""
-    if given is not None and (
-        not isinstance(given, JointLimits) or given.velocity.size != robot.dof
-    ):
-        raise ValueError(f"limits must be JointLimits of {robot.dof} joints, got {given!r}")
+    if given is not None:
+        checked_limits(robot, given)
     if not settings.speed_limits:
         none = np.full(robot.dof, np.inf)
         return JointLimits(none, none, none, none, {"velocity": "left out"})
@@ -256,27 +258,24 @@ def _in_time(
     """
     settings = pairs[0].settings
     arms = [_along_paths(*each) for each in zip(pairs, transfers, strict=True)]
-    kept: list[Clearance] = []
+    plan = partial(
+        plan_trajectory,
+        arms,
+        rest=settings.rest,
+        deviation_weight=settings.deviation_weight,
+        progress=report,
+    )
     if clearance is not None and paths is not None:
-        kept.append(of_trajectory(clearance, paths.least_distances, paths.kept))
-    for distances in (kept, []) if kept else ([],):
-        planned = plan_trajectory(
-            arms,
-            rest=settings.rest,
-            deviation_weight=settings.deviation_weight,
-            clearances=distances,
-            progress=report,
-            throw=throw and not distances,
-        )
+        kept = of_trajectory(clearance, paths.least_distances, paths.kept)
+        planned = plan(clearances=[kept], throw=False)
         if planned.success:
             return planned
-        if distances:
-            warnings.warn(
-                f"the trajectory does not keep the distances of the paths: {planned.status}",
-                UserWarning,
-                4,
-            )
-    return planned
+        warnings.warn(
+            f"the trajectory does not keep the distances of the paths: {planned.status}",
+            UserWarning,
+            4,
+        )
+    return plan(throw=throw)
 
 
 def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
@@ -323,15 +322,12 @@ def _one_each(name: str, given: Any, count: int) -> list[Any]:
 def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignment]:
     """Return one for each model, by default the model's own."""
     found = _one_each(name, given, len(models))
-    for each in found:
+    for k, (model, each) in enumerate(zip(models, found, strict=True)):
         if each is not None and not isinstance(each, Alignment):
             raise ValueError(f"{name} must be of Alignment, got {each!r}")
-    aligned = [
-        align(model) if each is None else each for model, each in zip(models, found, strict=True)
-    ]
-    for model, each in zip(models, aligned, strict=True):
-        check_joints(each, model)
-    return aligned
+        found[k] = align(model) if each is None else each
+        check_joints(found[k], model)
+    return found
 
 
 def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[OutOfReach]) -> None:

@@ -13,7 +13,7 @@ from geodesic_ocp.figures.arm_strip import StripArm, draw_arm_strip
 from geodesic_ocp.figures.best_view import best_view
 from geodesic_ocp.figures.view import View
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.key_poses import PoseMapping
+from geodesic_ocp.retargeting.waypoints import PoseMapping
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,9 +10,15 @@ from typing import Literal, get_args
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_number, as_positive
-from geodesic_ocp.execution.clearance import Clearance, keep_clear
-from geodesic_ocp.execution.link_pairs import LinkPairs, link_pairs
+from geodesic_ocp.arrays import (
+    Array,
+    ShortRepr,
+    as_integer,
+    as_number,
+    as_positive,
+)
+from geodesic_ocp.execution.clearance import Clearance, joined_clearance, keep_clear
+from geodesic_ocp.execution.link_pairs import link_pairs
 from geodesic_ocp.logarithm.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
@@ -105,31 +111,24 @@ class RetargetingSettings(ShortRepr):
     energy_weight: float = ENERGY_WEIGHT
 
     def __post_init__(self) -> None:
-        if self.formulation not in get_args(Formulation):
+        formulations = get_args(Formulation)
+        if self.formulation not in formulations:
             raise ValueError(
-                f"formulation must be one of {', '.join(get_args(Formulation))}, got "
-                f"{self.formulation!r}"
+                f"formulation must be one of {', '.join(formulations)}, got {self.formulation!r}"
             )
         as_integer("num_starts", self.num_starts, 1)
         if self.mirror not in (None, True, False):
             raise ValueError(f"mirror must be True, False or None, got {self.mirror!r}")
-        weights = [
-            as_number(name, getattr(self, name))
-            for name in ("position_weight", "orientation_weight")
-        ]
-        if min(weights) < 0.0 or max(weights) == 0.0:
-            raise ValueError(
-                "position_weight and orientation_weight must be zero or above, and not both zero, "
-                f"got {weights[0]:g} and {weights[1]:g}"
-            )
-        as_positive("energy_weight", self.energy_weight)
-        for name in ("stretch_weight", "deviation_weight"):
+        weights = ("position_weight", "orientation_weight", "posture_weight", "likeness_weight")
+        for name in (*weights, "near_misses"):
+            if as_number(name, getattr(self, name)) < 0.0:
+                raise ValueError(f"{name} must be zero or above, got {getattr(self, name):g}")
+        if self.position_weight == self.orientation_weight == 0.0:
+            raise ValueError("position_weight and orientation_weight must be not both zero")
+        for name in ("energy_weight", "stretch_weight", "deviation_weight"):
             as_positive(name, getattr(self, name))
         if not 0.0 < as_number("torque_share", self.torque_share) <= 1.0:
             raise ValueError(f"torque_share must be above 0 and at most 1, got {self.torque_share}")
-        for name in ("posture_weight", "likeness_weight", "near_misses"):
-            if as_number(name, getattr(self, name)) < 0.0:
-                raise ValueError(f"{name} must be zero or above, got {getattr(self, name):g}")
         if self.scale is not None:
             as_positive("scale", self.scale)
         collisions = self.collisions
@@ -159,9 +158,8 @@ class RetargetingSettings(ShortRepr):
         return self.position_weight or 1.0, self.orientation_weight or 1.0
 
 
-TOUCHING = 1e-3  # [m]
 _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
-_MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
+BEYOND = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
 
 
@@ -178,36 +176,30 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     """
     if not settings.constrained:
         return None
-    found: list[Clearance] = []
+    found, q = list[Clearance](), ca.SX.sym("q", sum(robot.dof for robot in robots))
     if settings.self_collision and not settings.pairs:
-        pairs_found = _pairs(tuple(robots), settings.margin)
-        named = [*pairs_found.constrained, *pairs_found.exact_only]
-        every = keep_clear(robots, pairs=named, margin=settings.margin) if named else None
-        close = {f"{one} to {other}" for one, other in pairs_found.exact_only}
-        if every is not None:
-            wide = [name.partition(" (")[0] in close for name in every.names]
-            found.append(replace(every, lower=np.where(wide, _CLOSE, every.lower)))
+        found += filter(None, [_links_apart(tuple(robots), settings.margin)])
     obstacles, links, pairs, margin = settings.collisions
     if obstacles or pairs:
-        total, first = sum(robot.dof for robot in robots), 0
-        q = ca.SX.sym("q", total)
+        first = 0
         for robot in robots:
             own = q[first : first + robot.dof]
             distances = signed_distances(robot, own, obstacles, links=links, pairs=pairs)
             function = ca.Function("distances", [q], [ca.vertcat(*distances.values())])
             found.append(Clearance(function, np.full(len(distances), margin), tuple(distances)))
             first += robot.dof
-    return _together(found) if found else None
+    return joined_clearance(found, q.numel()) if found else None
 
 
 @lru_cache(maxsize=8)
-def _pairs(robots: tuple[Model, ...], margin: float) -> LinkPairs:
-    return link_pairs(robots, margin=margin)
-
-
-def of_paths(clearance: Clearance) -> Clearance:
-    """Return the clearance with the bounds that paths keep."""
-    return replace(clearance, lower=np.asarray(clearance.lower) + _MORE)
+def _links_apart(robots: tuple[Model, ...], margin: float) -> Clearance | None:
+    pairs = link_pairs(robots, margin=margin)
+    every = keep_clear(robots, pairs=[*pairs.constrained, *pairs.exact_only], margin=margin)
+    if every is None:
+        return None
+    close = {f"{one} to {other}" for one, other in pairs.exact_only}
+    wide = [name.partition(" (")[0] in close for name in every.names]
+    return replace(every, lower=np.where(wide, _CLOSE, every.lower))
 
 
 def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Clearance:
@@ -225,25 +217,3 @@ def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Cl
     some = list(kept)
     bound[some] = np.minimum(clearance.lower[some], least[some] - _LESS)
     return replace(clearance, lower=bound)
-
-
-def in_check(clearance: Clearance) -> Clearance:
-    """Return the clearance with the bounds of a check of the trajectory: links must not touch."""
-    return replace(clearance, lower=np.full(len(clearance.names), TOUCHING))
-
-
-def _together(parts: Sequence[Clearance]) -> Clearance:
-    if len(parts) == 1:
-        return parts[0]
-    q = ca.SX.sym("q", parts[0].dof)
-    function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
-    lower = np.concatenate([each.lower for each in parts])
-    owners = [(part, index) for part in parts for index in range(len(part.names))]
-
-    def exact(configuration: Array, row: int) -> float:
-        part, index = owners[row]
-        if part.exact is not None:
-            return part.exact(configuration, index)
-        return max(0.0, float(part.row(index)(configuration)))
-
-    return Clearance(function, lower, tuple(name for each in parts for name in each.names), exact)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import in_rounds
-from geodesic_ocp.execution.clearance import Clearance, active_rows
+from geodesic_ocp.execution.clearance import Clearance, active_rows, joined_clearance
 from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, key_of
@@ -64,7 +64,6 @@ class PlannedPaths(ShortRepr):
 
     Attributes:
         problem: problem that was solved.
-        starts: configurations in which the arms begin.
         paths: paths of the movements of each arm.
         within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
             nor with links too near each other.
@@ -83,7 +82,6 @@ class PlannedPaths(ShortRepr):
     """
 
     problem: SynergyPaths
-    starts: tuple[Array, ...]
     paths: tuple[tuple[Path, ...], ...]
     within_reach: tuple[tuple[bool, ...], ...]
     near_misses: tuple[tuple[bool, ...], ...]
@@ -147,7 +145,7 @@ class SynergyPaths(ShortRepr, Problem):
 
     @property
     def metric(self) -> KineticEnergy:  # type: ignore[override]
-        """Name of the arm."""
+        """Kinetic energy of the arm, or of the first of several."""
         return metric_of(self.model)
 
     @property
@@ -185,7 +183,9 @@ class SynergyPaths(ShortRepr, Problem):
         weights = ObjectiveWeights(
             unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, _DETOUR
         )
-        rounds = _Rounds(self.clearance, edges, weights, self.tolerance)
+        dof = sum(arm.arm.dof for arm in self.arms)
+        clearance = self.clearance or joined_clearance([], dof)
+        rounds = _Rounds(clearance, edges, weights, self.tolerance)
         report = self.progress or no_progress
         report("choosing configurations", 0, 3)
         found: list[_Iterate] = []
@@ -197,7 +197,7 @@ class SynergyPaths(ShortRepr, Problem):
                 continue  # it leads to the same paths
             free.append(iterate.objective)
             found.append(rounds.kept_apart(iterate) if iterate.success else iterate)
-            if iterate.success and not _lacking_distances(self.clearance, found[-1]):
+            if iterate.success and not _lacking_distances(clearance, found[-1]):
                 break
         best = min(found, key=lambda each: (not each.success, _score(each, rounds)))
         return _planned(self, best, rounds, sum(each.iterations for each in found))
@@ -209,7 +209,7 @@ class SynergyPaths(ShortRepr, Problem):
         distances.
         """
         definitions = [replace(self, arms=(arm,)).definition() for arm in self.arms]
-        before: list[list[Array]] = []
+        before: list[Array] = []
         for clearance in dict.fromkeys((None, self.clearance)):
             parts, nodes, lines = [], [], []
             for number, arm in enumerate(self.arms):
@@ -219,9 +219,10 @@ class SynergyPaths(ShortRepr, Problem):
                     ArmPart.evenly(arm, definitions[number], start.missed, _SEGMENTS, _DEGREE)
                 )
                 nodes.append(parts[-1].nodes_on_lines(start.q))
-                lines.append(start.q)
-            if not any(all(map(_similar, lines, others)) for others in before):
-                before.append(lines)
+                lines.append(start.q.ravel())
+            q = np.concatenate(lines)
+            if all(np.abs(q - others).max() >= _SIMILAR for others in before):
+                before.append(q)
                 yield _Iterate(
                     tuple(parts), tuple(nodes), near_misses=tuple(part.missed > 0 for part in parts)
                 )
@@ -246,7 +247,7 @@ class _Iterate:
 class _Rounds:
     """Rounds of the program: on finer grids, and with distances that were too small."""
 
-    clearance: Clearance | None
+    clearance: Clearance
     edges: Array
     weights: ObjectiveWeights
     tolerance: float
@@ -306,8 +307,7 @@ class _Rounds:
         only at these instants. Where that does not help, poses at which links are too near are
         replaced by the nearest ones at which they are not.
         """
-        if (clearance := self.clearance) is None:
-            return start
+        clearance = self.clearance
         rows: dict[tuple[int, float], float] = {}
         free, lacking, failed = start, np.inf, False
 
@@ -354,11 +354,11 @@ def _planned(
 ) -> PlannedPaths:
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
     longer = np.zeros(rounds.edges.size - 1) if iterate.longer is None else iterate.longer
+    _, q = _positions(iterate)
     return PlannedPaths(
         problem=problem,
-        starts=tuple(each[0] for each in iterate.nodes),
         paths=tuple(tuple(part.paths(each)) for part, each in pairs),
-        within_reach=tuple(part.within_reach for part in iterate.parts),
+        within_reach=tuple(tuple((part.missed == 0.0).tolist()) for part in iterate.parts),
         near_misses=tuple(tuple(each.tolist()) for each in iterate.near_misses),
         longer=longer,
         edges=rounds.edges,
@@ -368,13 +368,9 @@ def _planned(
         success=iterate.success,
         status=iterate.status,
         kept=iterate.kept,
-        least_distances=_least_distances(rounds.clearance, iterate),
+        least_distances=rounds.clearance.function(q.T).full().min(axis=1),
         too_near=_lacking_distances(rounds.clearance, iterate),
     )
-
-
-def _similar(one: Array, other: Array) -> bool:
-    return bool(np.abs(one - other).max() < _SIMILAR)
 
 
 def _score(iterate: _Iterate, rounds: _Rounds) -> float:
@@ -396,11 +392,9 @@ def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
     for part in iterate.parts:
         given = part.waypoints
         times = np.append(given.begins[0], given.ends)
-        q = positions_at(iterate.parts, iterate.nodes, times)
-        active = active_rows(clearance, q, -_BELOW)
-        found = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
+        active = active_rows(clearance, positions_at(iterate.parts, iterate.nodes, times), -_BELOW)
         near = np.zeros(times.size, dtype=bool)
-        near[active.samples[active.lower - found > 0.0]] = True
+        near[active.samples[active.lacks > 0.0]] = True
         new = near & (part.missed == 0.0)
         new[0] &= given.start is None
         every.append(np.where(new, _YIELDING, part.missed))
@@ -410,15 +404,12 @@ def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
 
 def _positions(iterate: _Iterate) -> tuple[Array, Array]:
     """Return instants (k,) [s] within the movements, and the joints of all arms there (k, N)."""
-    instants = np.unique(
-        np.concatenate(
-            [
-                np.linspace(begin, end, _INSTANTS)
-                for part in iterate.parts
-                for begin, end in zip(part.waypoints.begins, part.waypoints.ends, strict=True)
-            ]
-        ).round(9)
-    )
+    movements = [
+        np.linspace(begin, end, _INSTANTS)
+        for part in iterate.parts
+        for begin, end in zip(part.waypoints.begins, part.waypoints.ends, strict=True)
+    ]
+    instants = np.unique(np.concatenate(movements).round(9))
     return instants, positions_at(iterate.parts, iterate.nodes, instants)
 
 
@@ -432,42 +423,30 @@ def _too_near(
     """
     instants, q = _positions(iterate)
     active = active_rows(clearance, q, -_ROUNDING)
-    distances = clearance.function.map(len(q))(q.T).full()
     found: dict[tuple[int, float], float] = {}
     total = 0.0
     for row in np.unique(active.rows).tolist():
         here = active.rows == row
-        lower = np.full(len(q), -np.inf)
-        lower[active.samples[here]] = active.lower[here]
-        lacks = np.pad(lower - distances[row], 1, constant_values=-np.inf)
-        peaks = (lacks[1:-1] >= lacks[:-2]) & (lacks[1:-1] >= lacks[2:]) & np.isfinite(lower)
+        lower, lacks = np.full((2, len(q) + 2), -np.inf)
+        lower[active.samples[here] + 1] = active.lower[here]
+        lacks[active.samples[here] + 1] = active.lacks[here]
+        peaks = (lacks[1:-1] >= lacks[:-2]) & (lacks[1:-1] >= lacks[2:]) & np.isfinite(lower[1:-1])
         around = peaks | np.append(peaks[1:], False) | np.append(False, peaks[:-1])
-        for sample in np.flatnonzero(around & np.isfinite(lower)).tolist():
-            found[row, float(instants[sample])] = float(lower[sample]) + _ROUNDING
+        for sample in np.flatnonzero(around & np.isfinite(lower[1:-1])).tolist():
+            found[row, float(instants[sample])] = float(lower[sample + 1]) + _ROUNDING
         total += float(lacks.max())
     return found, total
 
 
 def _lacking_distances(
-    clearance: Clearance | None, iterate: _Iterate
+    clearance: Clearance, iterate: _Iterate
 ) -> tuple[tuple[str, float, float], ...]:
     """Return distances below their bounds, the worst first: name, amount [m], time [s]."""
-    if clearance is None:
-        return ()
     instants, q = _positions(iterate)
     active = active_rows(clearance, q, -_BELOW)
-    values = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
     worst: dict[str, tuple[str, float, float]] = {}
-    for index in np.argsort(values - active.lower):
+    for index in np.argsort(-active.lacks):
         name = clearance.names[int(active.rows[index])]
-        amount = float(active.lower[index] - values[index])
-        worst.setdefault(name, (name, amount, float(instants[active.samples[index]])))
+        time = float(instants[active.samples[index]])
+        worst.setdefault(name, (name, float(active.lacks[index]), time))
     return tuple(worst.values())
-
-
-def _least_distances(clearance: Clearance | None, iterate: _Iterate) -> Array:
-    """Return least distances (m,) along the paths."""
-    if clearance is None:
-        return np.zeros(0)
-    _, q = _positions(iterate)
-    return np.asarray(clearance.function.map(len(q))(q.T).full().min(axis=1))

@@ -1,4 +1,4 @@
-"""Waypoints of one arm, the time between them, and the terms of its configurations there.
+"""What a robot takes over from a person: poses of the hand, and waypoints of its own.
 
 An elbow's offset is the part of shoulder to elbow perpendicular to shoulder to wrist, relative to
 the length of the arm. It turns with the swivel angle (Tolani, Goswami, Badler, Graphical Models 62,
@@ -15,22 +15,119 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Terms
-from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.execution.limits import JointLimits, checked_start
+from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.pose_search import rotation_log
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.key_poses import (
-    PairedArm,
-    Pose,
-    PoseMapping,
-    checked_start,
-    middle_of_ranges,
-    with_narrowed_limits,
+from geodesic_ocp.ocp.inverse_kinematics import (
+    inverse_kinematics_solutions,
+    nearest_configuration,
 )
+from geodesic_ocp.ocp.pose_search import CollisionAvoidance, pose_difference, rotation_log
+from geodesic_ocp.retargeting.arm_alignment import Alignment
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.synergies.analyse import Analysis
 
+_GRAVITY = 9.81  # [m/s^2]
+NO_COLLISIONS = CollisionAvoidance()
+REACHED = 1e-6  # [m] and [rad]
+# How near inverse kinematics comes to the configuration it starts from [rad or m].
+_SETTLED = 1e-2
 _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pose(ShortRepr):
+    """A target for the hand.
+
+    Attributes:
+        rotation: (3, 3), or None if it is free.
+        position: (3,) [m], or None if it is free.
+    """
+
+    rotation: Array | None
+    position: Array | None
+
+    def reached_by(self, model: Model, q: Array) -> Pose:
+        """Return the pose of the hand at q, with the same parts left free."""
+        here = model.hand_pose(q)
+        parts = zip((self.rotation, self.position), here, strict=True)
+        return Pose(*(None if part is None else found for part, found in parts))
+
+    def error(self, model: Model, q: Array) -> tuple[float, float]:
+        """Get distance [m] and angle [rad] of the hand at q from this pose; zero for free parts."""
+        here = model.hand_pose(q)
+        parts = zip((self.rotation, self.position), here, strict=True)
+        return pose_difference(*here, *(own if part is None else part for part, own in parts))
+
+
+def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
+    """Get middle and half width of the joints' ranges (n,); 0 and pi where they are unlimited."""
+    finite = np.isfinite(arm.lower) & np.isfinite(arm.upper)
+    lower, upper = (np.where(finite, each, 0.0) for each in (arm.lower, arm.upper))
+    return (lower + upper) / 2.0, np.where(finite, (upper - lower) / 2.0, np.pi)
+
+
+@lru_cache(maxsize=16)
+def with_narrowed_limits(robot: Model, tolerance: float) -> Model:
+    """Get the robot with limits narrowed by twice a tolerance, so that none is violated by it."""
+    gap = np.minimum(2.0 * tolerance, (robot.upper - robot.lower) / 4.0)
+    return robot.with_limits(robot.lower + gap, robot.upper - gap)
+
+
+def nearest_configurations(
+    arm: Model,
+    near: Array,
+    pose: Pose,
+    limits: bool,
+    weights: tuple[float, float],
+    collisions: CollisionAvoidance = NO_COLLISIONS,
+    enough: int = 1,
+    settled: float = _SETTLED,
+    least: int = 1,
+) -> list[Array]:
+    """Return configurations (n,) with a pose, the nearest first, or the one with the nearest pose.
+
+    Args:
+        arm: the robot.
+        near: configuration (n,) from which they are sought.
+        pose: pose of the hand.
+        limits: whether joints stay within their limits.
+        weights: weights of errors in position [1/m] and orientation [1/rad].
+        collisions: bodies that are kept apart.
+        enough, settled, least: see `inverse_kinematics_solutions`.
+
+    Raises:
+        NotConverged: no configuration is clear of the collision bodies.
+    """
+    placed = arm, near, pose.position, pose.rotation
+    try:
+        return inverse_kinematics_solutions(
+            *placed, limits, None, collisions, enough, settled, least
+        )
+    except NotConverged:
+        return [nearest_configuration(*placed, weights, limits, collisions)]
+
+
+def start_of(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> Array:
+    """Return the configuration (n,) to begin in.
+
+    Raises:
+        ValueError: it is outside the limits, or too close to a collision body.
+    """
+    within = settings.within_limits
+    start = checked_start(robot, given) if within else as_vector("start", given, robot.dof)
+    obstacles, links, pairs, margin = settings.collisions
+    distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
+    for name, distance in distances.items():
+        if distance < margin:
+            raise ValueError(
+                f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
+            )
+    return start
 
 
 def has_elbow(model: Model, alignment: Alignment) -> bool:
@@ -50,16 +147,117 @@ def elbow_offset(model: Model, alignment: Alignment, q: Any) -> ca.SX:
     return offset
 
 
-def mapped_offsets(mapping: PoseMapping, q: Array) -> Array:
-    """Return the person's elbow offsets (k, 3), in the axes of the robot's base, at q (k, n)."""
-    source, target = mapping.source, mapping.target
-    symbol = ca.SX.sym("q", mapping.model.dof)
-    function = ca.Function("offset", [symbol], [elbow_offset(mapping.model, source, symbol)])
-    offsets = np.atleast_2d(function(q.T).full().T)
-    in_person = offsets @ np.asarray(source.base)
-    if mapping.mirror:
-        in_person = in_person * np.array([-1.0, 1.0, 1.0])
-    return np.asarray(in_person @ np.asarray(target.base).T)
+def elbow_function(model: Model, alignment: Alignment) -> ca.Function:
+    """Return the function of configurations (n, k) that gives their elbow offsets (3, k)."""
+    q = ca.SX.sym("q", model.dof)
+    return ca.Function("offset", [q], [elbow_offset(model, alignment, q)])
+
+
+def gravity_on(alignment: Alignment) -> Array:
+    """Return gravity in the axes of a robot's base (3,) [m/s^2]."""
+    return np.asarray(-_GRAVITY * np.asarray(alignment.base)[:, 2])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseMapping(ShortRepr):
+    """Maps configurations of a person's arm to poses of a robot's hand.
+
+    Attributes:
+        model: the person's arm.
+        source, target: alignments of the person and of the robot.
+        scale: factor of positions.
+        mirror: whether left and right are exchanged.
+    """
+
+    model: Model
+    source: Alignment
+    target: Alignment
+    scale: float
+    mirror: bool
+    _shown = ("scale", "mirror")
+
+    @classmethod
+    def between(
+        cls, model: Model, source: Alignment, target: Alignment, settings: RetargetingSettings
+    ) -> PoseMapping:
+        """Map poses: scaled by the ratio of lengths by default, mirrored if sides differ."""
+        mirror, scale = settings.mirror, settings.scale
+        if mirror is None:
+            mirror = None not in (source.side, target.side) and source.side != target.side
+        if scale is None:
+            scale = target.length / source.length
+        return cls(model, source, target, float(scale), bool(mirror))
+
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        """Return rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, for q (k, n)."""
+        rotation, position = self.source.to_person(*self.model.hand_pose(q))
+        return self.target.to_robot(rotation, position, scale=self.scale, mirror=self.mirror)
+
+    def elbow_offsets(self, q: Array) -> Array:
+        """Return offsets (k, 3) of the person's elbow at q (k, n), in axes of the robot's base."""
+        offsets = elbow_function(self.model, self.source)(q.T).full().T
+        offsets = offsets @ np.asarray(self.source.base)
+        if self.mirror:
+            offsets = offsets * np.array([-1.0, 1.0, 1.0])
+        return np.asarray(offsets @ np.asarray(self.target.base).T)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PairedArm(ShortRepr):
+    """A person's arm, and the robot that takes over its motion.
+
+    Attributes:
+        analysis: analysis of the person's motion.
+        robot: the arm.
+        mapping: from the person's configurations to poses of the robot's hand.
+        limits: limits of its joints.
+        settings: settings of the retargeting.
+        groups: how the person's synergies were dropped and merged.
+        start: configuration (n,) to begin in; None: any with the first pose.
+        target_poses: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, mapped from the
+            person to the robot's base frame, at all samples.
+    """
+
+    analysis: Analysis
+    robot: Model
+    mapping: PoseMapping
+    limits: JointLimits
+    settings: RetargetingSettings
+    groups: tuple[SynergyGroup, ...]
+    start: Array | None
+    target_poses: tuple[Array, Array]
+    _shown = ("robot", "mapping")
+
+    @property
+    def gravity(self) -> Array:
+        """Gravity in the axes of the robot's base (3,) [m/s^2]."""
+        return gravity_on(self.mapping.target)
+
+    @property
+    def edges(self) -> Array:
+        """Times in the recording at which groups begin and end [s]."""
+        samples = [self.groups[0].start, *(group.stop for group in self.groups)]
+        return np.asarray(self.analysis.motion.time[samples])
+
+    @property
+    def bounded(self) -> Model:
+        """The robot, without limits of its joints' ranges if they need not be met."""
+        if self.settings.within_limits:
+            return self.robot
+        infinite = np.full(self.robot.dof, np.inf)
+        return self.robot.with_limits(-infinite, infinite)
+
+    def target(self, sample: int) -> Pose:
+        """Return the pose of the hand at a sample of the recording."""
+        return self.as_pose(*(each[sample] for each in self.target_poses))
+
+    def as_pose(self, rotation: Array, position: Array) -> Pose:
+        """Return the pose with a rotation and a position, without what the settings leave free."""
+        settings = self.settings
+        return Pose(
+            rotation if settings.orientation_weight > 0.0 else None,
+            position if settings.position_weight > 0.0 else None,
+        )
 
 
 @dataclass(frozen=True)
@@ -87,56 +285,21 @@ class ObjectiveWeights:
     detour: float
 
 
-_GRAVITY = 9.81  # [m/s^2]
 # A joint that holds the arm with more than this share of its torque is too weak to move it; cost
 # of the squared excess.
 _SHARE, _WEAK = 0.8, 300.0
-NUM_PARAMETERS = 12 + 6 + 3 + 2
-
-
-def parameters(
-    pose: Pose, missed: Array, offset: Array | None, posture: float, likeness: float
-) -> Array:
-    """Return the parameters of a waypoint.
-
-    Args:
-        pose: pose of the hand.
-        missed: weights of the squared pose errors (6,); zero for a pose within reach.
-        offset: offset of the person's elbow (3,); None: not known.
-        posture, likeness: weights of these terms.
-    """
-    position = np.zeros(3) if pose.position is None else pose.position
-    rotation = np.eye(3) if pose.rotation is None else pose.rotation
-    known = offset is not None
-    return np.concatenate(
-        [
-            *(position, rotation.ravel(order="F"), missed),
-            *(offset if known else np.zeros(3), [posture, likeness if known else 0.0]),
-        ]
-    )
-
-
-def limited_torques(
-    arm: Model, alignment: Alignment, q: ca.SX, torque: tuple[float, ...]
-) -> list[tuple[int, ca.SX]]:
-    """Return torques that hold the arm still, of the joints with a limit, by their numbers."""
-    limited = np.flatnonzero(np.isfinite(torque)).tolist()
-    if not limited:
-        return []
-    still = ca.SX.zeros(arm.dof)
-    held = arm.inverse_dynamics(q, still, still, -_GRAVITY * np.asarray(alignment.base)[:, 2])
-    return [(joint, held[joint]) for joint in limited]
+_PARAMETERS = [0, 3, 12, 18, 21, 23]  # where position, rotation, ... begin, see `parameters`
 
 
 @lru_cache(maxsize=32)
-def waypoint_terms(
+def _waypoint_terms(
     arm: Model, alignment: Alignment, rows: tuple[int, ...], torque: tuple[float, ...]
 ) -> Terms:
     """Return costs and pose errors of an arm, for these rows of the error and limits on torque
     (n,).
     """
-    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", NUM_PARAMETERS)
-    position, rotation, missed, offset, weights = ca.vertsplit(p, [0, 3, 12, 18, 21, 23])
+    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", _PARAMETERS[-1])
+    position, rotation, missed, offset, weights = ca.vertsplit(p, _PARAMETERS)
     hand_rotation, hand_position = arm.hand_pose(q)
     error = ca.vertcat(
         hand_position - position, rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation)
@@ -145,8 +308,11 @@ def waypoint_terms(
     cost = ca.dot(missed, error**2) + weights[0] * ca.sumsqr((q - middle) / half) / arm.dof
     if has_elbow(arm, alignment):
         cost += weights[1] * ca.sumsqr(elbow_offset(arm, alignment, q) - offset)
-    for joint, held in limited_torques(arm, alignment, q, torque):
-        cost += _WEAK * ca.fmax(0.0, ca.fabs(held / torque[joint]) - _SHARE) ** 2
+    if limited := np.flatnonzero(np.isfinite(torque)).tolist():
+        still = ca.SX.zeros(arm.dof)
+        held = arm.inverse_dynamics(q, still, still, gravity_on(alignment))
+        for joint in limited:
+            cost += _WEAK * ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - _SHARE) ** 2
     return Terms(q, p, cost, error[list(rows)])
 
 
@@ -224,19 +390,33 @@ class ArmWaypoints(ShortRepr):
     def terms(self) -> Terms:
         """Costs and pose errors of the configurations at the waypoints."""
         torque = tuple(self.limits.torque.tolist())
-        return waypoint_terms(self.arm, self.alignment, self.rows, torque)
+        return _waypoint_terms(self.arm, self.alignment, self.rows, torque)
+
+    def parameters(self, number: int, missed: float, weights: ObjectiveWeights) -> Array:
+        """Return the parameters of `terms` at a waypoint, whose costs are means over all waypoints.
+
+        Args:
+            number: number of the waypoint.
+            missed: weight of the squared pose error; zero for a pose within reach.
+            weights: weights of the objective.
+        """
+        pose, missed_rows = self.poses[number], np.zeros(6)
+        missed_rows[list(self.rows)] = missed * (self.count + 1) * self.row_weights**2
+        position = np.zeros(3) if pose.position is None else pose.position
+        rotation = np.eye(3) if pose.rotation is None else pose.rotation
+        offset, likeness = np.zeros(3), 0.0
+        if self.offsets is not None:
+            offset, likeness = self.offsets[number], weights.likeness
+        costs = [weights.posture, likeness]
+        return np.concatenate([position, rotation.ravel(order="F"), missed_rows, offset, costs])
 
 
-def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) -> ArmWaypoints:
+def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
     """Return the waypoints of a person's motion on a robot.
 
     Args:
         pair: person and robot.
-        start: configuration (n,) to begin in; None: any with the first pose.
         tolerance: tolerance of the paths' conditions.
-
-    Raises:
-        ValueError: the start is out of range.
     """
     settings, mapping, motion = pair.settings, pair.mapping, pair.analysis.motion
     moving = [group for group in pair.groups if group.kind != "rest"]
@@ -248,7 +428,7 @@ def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) ->
     between = mapping(motion((begins + ends) / 2.0))
     offsets = None
     if has_elbow(mapping.model, mapping.source):
-        offsets = mapped_offsets(mapping, motion.q[samples])
+        offsets = mapping.elbow_offsets(motion.q[samples])
     within = settings.within_limits
     return ArmWaypoints(
         arm=with_narrowed_limits(pair.robot, tolerance) if within else pair.robot,
@@ -258,7 +438,7 @@ def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) ->
         ends=ends,
         poses=tuple(pair.target(sample) for sample in samples),
         between=tuple(pair.as_pose(*each) for each in zip(*between, strict=True)),
-        start=None if start is None else checked_start(pair.robot, start, settings),
+        start=pair.start,
         limits=pair.limits,
         offsets=offsets,
         near_misses=settings.near_misses,

@@ -12,9 +12,9 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.anthropometry import trunk
 from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, stature
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
+from geodesic_ocp.retargeting.reachability import nearest_poses, search_range
 from geodesic_ocp.scenes.model_scene import hand_frames, hand_trails, rest_of
 from geodesic_ocp.scenes.scene import (
     Actor,

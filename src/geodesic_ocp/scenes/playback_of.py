@@ -20,7 +20,7 @@ from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.scenes.alignment_scene import alignment_playback
 from geodesic_ocp.scenes.beside import beside

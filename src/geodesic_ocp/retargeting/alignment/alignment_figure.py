@@ -18,8 +18,9 @@ from geodesic_ocp.figures.arm_shapes import (
 from geodesic_ocp.figures.styles import ROLES, new_figure
 from geodesic_ocp.figures.view import View
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, axis_name
-from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
+from geodesic_ocp.retargeting.arm_alignment import Alignment
+from geodesic_ocp.retargeting.landmarks import axis_name
+from geodesic_ocp.retargeting.reachability import nearest_poses, search_range
 from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:

@@ -1,0 +1,313 @@
+"""Rounds of a trajectory's program: solve, check densely, mind what was violated, solve again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.blocks import in_rounds
+from geodesic_ocp.cells import Indices
+from geodesic_ocp.execution.arm_paths import (
+    INSIDE,
+    ArmPaths,
+    JointSpline,
+    Knots,
+    KnotStates,
+    Reference,
+    stretched,
+    through,
+    union_of_edges,
+)
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.limits import QUANTITIES, LimitShares
+from geodesic_ocp.execution.trajectory_program import TrajectoryProgram, Watched, WatchedArm
+
+TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances
+_SAMPLES, _FEW = 21, 7  # of every piece, both ends included, for torques and for distances
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCheck:
+    """Shares of an arm's limits in every piece of its spline.
+
+    Attributes:
+        arm: arm with its limits.
+        spline: spline of its joints.
+    """
+
+    arm: ArmPaths
+    spline: JointSpline
+
+    @cached_property
+    def pieces(self) -> Mapping[str, Array]:
+        """Largest shares in every piece (k, n) by the kind of limit; all are exact.
+
+        Positions count from the ends of their ranges: one and the distance beyond [rad or m].
+        """
+        spline, limits, (lower, upper) = self.spline, self.arm.limits, self.arm.ranges
+        low, high = spline.extreme_positions
+        beyond = np.maximum(lower - low, high - upper)
+        _, _, a, jerk = spline(spline.curve.x)
+        growth = np.abs(a) / limits.acceleration
+        return {
+            "position": 1.0 + beyond,
+            "velocity": spline.extreme_velocities / limits.velocity,
+            "acceleration": np.maximum(growth[:-1], growth[1:]),
+            "jerk": np.abs(jerk[:-1]) / limits.jerk,
+        }
+
+    @cached_property
+    def torques(self) -> Array:
+        """Shares of the torques at evenly spaced times in every piece, (k, samples, n)."""
+        limit = self.arm.limits.torque
+        shape = (self.spline.curve.x.size - 1, _SAMPLES, limit.size)
+        if not np.any(np.isfinite(limit)):
+            return np.zeros(shape)
+        states = self.spline(self.spline.within_pieces(_SAMPLES).ravel())[:3]
+        force = self.arm.robot.inverse_dynamics(*states, self.arm.gravity)
+        return np.asarray((np.abs(force) / limit).reshape(shape))
+
+    @property
+    def largest(self) -> dict[str, Array]:
+        """Largest shares of the whole spline (n,), by the kind of limit."""
+        shares = {kind: of_pieces.max(axis=0) for kind, of_pieces in self.pieces.items()}
+        return {**shares, "torque": self.torques.max(axis=(0, 1))}
+
+    @property
+    def shares(self) -> LimitShares:
+        """Largest shares of the whole spline, without positions."""
+        return LimitShares(**{name: self.largest[name] for name in QUANTITIES})
+
+    @property
+    def worst(self) -> tuple[float, str]:
+        """Return the worst excess over a limit, relative or [rad or m], and a clause on it."""
+        largest = self.largest
+        kind = max(largest, key=lambda name: float(largest[name].max()))
+        joint = int(largest[kind].argmax())
+        name = f"the {kind} of {self.arm.robot.joint_names[joint]} exceeds its limit"
+        return float(largest[kind][joint]) - 1.0, name
+
+
+# Shares of the limits, one and [rad] for positions, from which on a limit is minded as well where
+# it is exceeded elsewhere.
+_NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
+_NEAR_TORQUE, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
+_MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
+_NONE: Indices = np.zeros(0, dtype=np.int64)
+
+
+def watched_at_first(program: TrajectoryProgram, durations: Array) -> Watched:
+    """Return jerks of joints that take longer than a piece to reach their accelerations, and no
+    more.
+
+    Args:
+        program: program with its knots.
+        durations: durations of the intervals (m,) [s].
+    """
+    steps, arms = program.knots.steps(durations)[:, None], []
+    for terms in program.terms:
+        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
+        shares = np.full((len(steps) + 1, terms.dof), 1.0 - INSIDE)
+        arms.append(WatchedArm({"jerk": slow} if slow.size else {}, _NONE, shares))
+    lower = np.where(program.fixed_knots[:, None], -np.inf, program.clearance.lower)
+    return Watched(tuple(arms), {}, lower)
+
+
+def tightened(found: TrajectoryAttempt) -> Watched:
+    """Return the constraints of the round that follows."""
+    arms = map(_arm, found.watched.arms, found.checks)
+    lack = found.program.clearance.lower - found.distances
+    close, more = _at_knots_of(lack, -_NEAR_DISTANCE, 0.0, TOLERANCE)
+    knots = dict(found.watched.knots)
+    for index in np.flatnonzero(lack.max(axis=(0, 1)) > TOLERANCE).tolist():
+        knots[index] = np.union1d(knots.get(index, _NONE), np.flatnonzero(close[:, index]))
+    return Watched(tuple(arms), knots, found.watched.distances + more)
+
+
+def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
+    pieces = dict(watched.pieces)
+    for kind, near in _NEAR.items():
+        shares = check.pieces[kind]
+        if shares.max() > 1.0 + TOLERANCE:
+            known = pieces.get(kind, np.zeros((0, 2), dtype=np.int64))
+            pieces[kind] = np.unique(np.vstack([known, np.argwhere(shares > near)]), axis=0)
+    if check.torques.max() <= 1.0 + TOLERANCE:
+        return WatchedArm(pieces, watched.torques, watched.torque_shares)
+    close, more = _at_knots_of(check.torques - 1.0, _NEAR_TORQUE - 1.0, -INSIDE, 0.0)
+    knots = np.union1d(watched.torques, np.flatnonzero(close.any(axis=1)))
+    return WatchedArm(pieces, knots, watched.torque_shares * (1.0 - np.minimum(more, 0.5)))
+
+
+def _at_knots_of(
+    excess: Array, near: float, kept: float, tolerance: float
+) -> tuple[NDArray[np.bool_], Array]:
+    """Return knots at which limits are to be minded, and what is to be taken off there, (knots, m)
+    each.
+
+    The program will keep limits at knots: what values exceed them by in between is taken off.
+
+    Args:
+        excess: excess of values over their limits (pieces, samples, m).
+        near: excess of a value at a knot from which on its limit is minded there.
+        kept: excess that the program allows at knots.
+        tolerance: tolerance of values between knots.
+    """
+    largest, at_knots = excess.max(axis=1), np.concatenate([excess[:, 0], excess[-1:, -1]])
+    beyond = largest > tolerance
+    ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), kept)
+    more = np.where(beyond, _MORE * (largest - ends) + _ROUNDING, 0.0)
+    return (at_knots > near) | (_at_both_ends(beyond) > 0.0), _at_both_ends(more)
+
+
+def _at_both_ends(of_pieces: Array) -> Array:
+    """Return at the knots, the larger one of two successive pieces."""
+    padded = np.pad(of_pieces, ((1, 1), (0, 0)))
+    return np.maximum(padded[:-1], padded[1:])
+
+
+MOST_ROUNDS = 15
+_OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
+# The nearest points of the paths are found anew until the duration changes by less than this.
+_SETTLED = 0.005
+# The first guess, and others if Ipopt fails from it: time stretched more, stops in corners, and the
+# most iterations. A round takes twenty as a rule: where it takes many, another start is quicker.
+_STARTS = ((1.3, False, 100), (2.0, False, 100), (1.3, True, 400), (3.0, True, 400))
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryAttempt:
+    """Outcome of a round.
+
+    Attributes:
+        program: program that was solved.
+        states: at its knots.
+        watched: its constraints.
+        checks: checks of the arms, with their splines.
+        distances: in every piece (pieces, samples, m) [m].
+        excess: largest excess over a limit, relative or [rad or m].
+        change: change of the duration in this round, relative.
+        solved: whether Ipopt found a solution.
+        status: in words.
+        iterations: iterations of Ipopt.
+    """
+
+    program: TrajectoryProgram
+    states: KnotStates
+    watched: Watched
+    checks: tuple[ArmCheck, ...]
+    distances: Array
+    excess: float
+    change: float
+    solved: bool
+    status: str
+    iterations: int
+
+    @property
+    def success(self) -> bool:
+        """True if all limits are kept."""
+        return self.solved and self.excess <= TOLERANCE
+
+
+def solve_in_rounds(
+    arms: Sequence[ArmPaths],
+    clearance: Clearance,
+    rest: bool,
+    deviation_weight: float,
+    progress: Callable[[int], object],
+) -> TrajectoryAttempt:
+    """Return the trajectory within all limits, or the best attempt."""
+    edges = union_of_edges(arms)
+    knots = Knots.spaced(edges, np.diff(edges))
+    program = TrajectoryProgram(arms, clearance, rest, deviation_weight, knots)
+    attempts: list[TrajectoryAttempt] = []
+    for more, stops, most in _STARTS:
+        attempts.append(_from_start(_first_guess(program, more, stops), progress, most))
+        if attempts[-1].success:
+            break
+    best = min(attempts, key=lambda attempt: (not attempt.success, attempt.excess))
+    return replace(best, iterations=sum(attempt.iterations for attempt in attempts))
+
+
+# The program of a round with the states to start from, the references, and its constraints.
+_Start: TypeAlias = tuple[TrajectoryProgram, KnotStates, Sequence[Reference], Watched]
+
+
+def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> TrajectoryAttempt:
+    attempts: list[TrajectoryAttempt] = []
+
+    def solve(given: _Start) -> TrajectoryAttempt:
+        progress(len(attempts))
+        attempts.append(_attempt(given, most))
+        return attempts[-1]
+
+    def examine(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
+        if not found.solved or (found.success and found.change <= _SETTLED):
+            return found, None
+        program, states = found.program, found.states
+        fitting = Knots.spaced(program.knots.edges, states.durations)
+        if number == 0 and abs(fitting.count / program.knots.count - 1.0) > _OTHER_COUNT:
+            program, time = replace(program, knots=fitting), fitting.times(states.durations)
+            splines = (np.array(check.spline(time)[:3]) for check in found.checks)
+            states = KnotStates(states.durations, tuple(splines))
+            watched = watched_at_first(program, states.durations)
+        else:
+            watched = tightened(found)
+        pairs = zip(program.terms, states.arms, strict=True)
+        return found, (program, states, [terms.nearest(q) for terms, (q, _, _) in pairs], watched)
+
+    found = in_rounds(first, solve, examine, MOST_ROUNDS)
+    kept = next((each for each in reversed(attempts) if each.success), found)
+    return replace(kept, iterations=sum(each.iterations for each in attempts))
+
+
+def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
+    program, before, references, watched = start
+    outcome, clearance = program.solve(before, references, watched, most), program.clearance
+    states = program.states(outcome.x)
+    # Splines have none of the rounding that the program's equations leave at the knots.
+    time, checks = program.knots.times(states.durations), []
+    for arm, (q, v, _) in zip(program.arms, states.arms, strict=True):
+        curve = CubicSpline(time, q, bc_type=((1, v[0]), (1, v[-1])))
+        checks.append(ArmCheck(arm, JointSpline(curve)))
+    times = checks[0].spline.within_pieces(_FEW)
+    q = np.hstack([check.spline(times.ravel())[0] for check in checks])
+    distances = evaluate(clearance.function.map(len(q)), q.T).T
+    distances = distances.reshape(*times.shape, len(clearance.names))
+    found = [check.worst for check in checks]
+    if clearance.names:
+        lack = (clearance.lower - distances).max(axis=(0, 1))
+        index = int(lack.argmax())
+        found.append((float(lack[index]), f"the distance {clearance.names[index]} is too small"))
+    excess, worst = max(found, key=lambda pair: pair[0])
+    status = "within all limits" if outcome.success else outcome.status
+    if excess > TOLERANCE:
+        status = f"{outcome.status}; {worst} by {excess:.2g}"
+    change = abs(states.durations.sum() / before.durations.sum() - 1.0)
+    return TrajectoryAttempt(
+        *(program, states, watched, tuple(checks), distances, excess, change),
+        *(outcome.success, status, outcome.iterations),
+    )
+
+
+def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
+    """Return the paths in time that is stretched until limits are nearly kept, times `more`.
+
+    Args:
+        coarse: program with knots for the person's durations.
+        more: by which time is stretched further.
+        stops: whether the arms stop in corners.
+    """
+    arms, rest, edges = coarse.arms, coarse.rest, coarse.knots.edges
+    references = [terms.as_recorded(rest, stops) for terms in coarse.terms]
+    durations = stretched(arms, references, coarse.knots, rest)
+    program = replace(coarse, knots=Knots.spaced(edges, durations))
+    references = [terms.as_recorded(rest, stops) for terms in program.terms]
+    states = through(references, program.knots, more * durations, rest)
+    return program, states, references, watched_at_first(program, states.durations)
