@@ -152,6 +152,7 @@ class Library:
         functions: gives the functions by their names, when they have to be compiled.
         fingerprint: text that changes with the functions.
         dim: dimension of the manifold; 0: without the core.
+        entry: entry point of the core, one of `CORES`.
     """
 
     def __init__(
@@ -159,8 +160,10 @@ class Library:
         functions: Callable[[], Mapping[str, ca.Function]],
         fingerprint: str,
         dim: int = 0,
+        entry: str = "log_map",
     ) -> None:
         self._functions, self._fingerprint, self._dim = functions, fingerprint, dim
+        self._entry = entry
         self._lock = threading.Lock()
         self._loaded: tuple[ctypes.CDLL, Compiler] | None = None
         # Compilers that have not been tried, the quickest first; None before the first use.
@@ -302,11 +305,11 @@ class Library:
 
     def _text(self) -> str:
         if self._source is None:
-            self._source = source_text(self._functions(), self._dim)
+            self._source = source_text(self._functions(), self._dim, self._entry)
         return self._source
 
     def _key(self, compiler: Compiler) -> str:
-        core = "" if not self._dim else core_text()
+        core = "" if not self._dim else core_text(self._entry)
         parts = (_versions(), core, compiler.identity, self._fingerprint)
         return sha256("\0".join(parts).encode()).hexdigest()[:32]
 
@@ -318,7 +321,7 @@ class Library:
             _load_mathematics()
             library = ctypes.CDLL(str(file))
             if self._dim:
-                library.log_map  # noqa: B018 - raises if this is a library of something else
+                getattr(library, self._entry)  # raises if this is a library of something else
         except (OSError, AttributeError) as error:
             self._failures.append(f"a library of {compiler.command[0]} cannot be loaded: {error}")
             with suppress(OSError):

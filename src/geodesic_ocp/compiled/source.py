@@ -18,18 +18,21 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-# In the order in which they use each other.
-_CORE = (
-    "dop853",
-    "dense",
-    "energy",
-    "newton",
-    "logarithm",
-    "log_map",
-    "tensor",
-    "exp_map",
-    "transport",
-)
+# What a library computes: its entry point, and the files in the order in which they use each other.
+CORES = {
+    "log_map": (
+        "dop853",
+        "dense",
+        "energy",
+        "newton",
+        "logarithm",
+        "log_map",
+        "tensor",
+        "exp_map",
+        "transport",
+    ),
+    "find_motion": ("dop853", "dense", "motion"),
+}
 
 
 def _coefficients() -> Any:
@@ -57,14 +60,14 @@ RK_B = np.array(DOP853.B, dtype=float)
 STAGE_TIMES = np.append(DOP853.C[:STAGES], 1.0)
 
 
-@lru_cache(maxsize=1)
-def core_text() -> str:
-    """Return the core, with the coefficients of its integrator."""
+@lru_cache
+def core_text(entry: str = "log_map") -> str:
+    """Return the core with this entry point, with the coefficients of its integrator."""
     tables = {"RK_A": RK_A, "RK_B": RK_B, "RK_E5": DOP853.E5, "RK_E3": DOP853.E3}
-    return "\n".join([*(_constant(*item) for item in tables.items()), *map(_read, _CORE)])
+    return "\n".join([*(_constant(*item) for item in tables.items()), *map(_read, CORES[entry])])
 
 
-def source_text(functions: Mapping[str, ca.Function], dim: int) -> str:
+def source_text(functions: Mapping[str, ca.Function], dim: int, entry: str = "log_map") -> str:
     """Get C text of CasADi functions, and of the core that calls them on R^dim if dim is not 0."""
     generator = ca.CodeGenerator("functions.c", {"with_header": False})
     for name, function in functions.items():
@@ -74,7 +77,7 @@ def source_text(functions: Mapping[str, ca.Function], dim: int) -> str:
     parts = [_read("prelude"), generator.dump().replace("#include <math.h>", "")]
     if dim:
         size = max(function.sz_w() for function in functions.values()) + 1
-        parts += [f"#define N {dim}\n#define WORK_SIZE {size}\n", core_text()]
+        parts += [f"#define N {dim}\n#define WORK_SIZE {size}\n", core_text(entry)]
     return "\n".join(parts)
 
 

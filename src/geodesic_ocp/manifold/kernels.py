@@ -133,16 +133,18 @@ class Statistics(ctypes.Structure):
 class Blas(ctypes.Structure):
     """The struct `blas` of core/dense.h."""
 
-    _fields_ = [(name, ctypes.c_void_p) for name in ("potrf", "trsv", "gemm")]
+    _fields_ = [(name, ctypes.c_void_p) for name in ("potrf", "trsv", "gemm", "pbtrf", "pbtrs")]
 
 
 @lru_cache(maxsize=1)
 def blas() -> Blas:
-    """dpotrf, dtrsv and dgemm as SciPy exports them for Cython."""
+    """LAPACK's and BLAS' functions as SciPy exports them for Cython."""
     from scipy.linalg import cython_blas, cython_lapack
 
-    routines = (cython_lapack, "dpotrf"), (cython_blas, "dtrsv"), (cython_blas, "dgemm")
-    return Blas(*(_pointer(*each) for each in routines))
+    def pointer(name: str) -> int | None:
+        return _pointer(cython_lapack if name.startswith("p") else cython_blas, f"d{name}")
+
+    return Blas(*(pointer(name) for name, _ in Blas._fields_))
 
 
 def _pointer(module: Any, name: str) -> int | None:
@@ -214,9 +216,14 @@ class Kernels(Library):
 
     def integrate(self, start: Array, times: Array, tolerance: float, max_steps: int) -> Array:
         """Return states (len(times), 2 n) of the geodesic equation, like `integrate_by_scipy`."""
+        return self._integrate("integrate_geodesic", start, times, tolerance, max_steps)
+
+    def _integrate(
+        self, equation: str, start: Array, times: Array, tolerance: float, max_steps: int
+    ) -> Array:
         states, record = np.empty((times.size, start.size)), _IntegrationRecord()
         arguments = start, c_int(times.size), times, tolerance, c_long(max_steps), states
-        status = self._call("integrate_geodesic", *arguments, byref(record))
+        status = self._call(equation, *arguments, byref(record))
         if status:
             raise _failure(status == 1, record, times, tolerance, states[0])
         return states

@@ -189,11 +189,15 @@ class MetricFunctions(ABC):
     @cached_property
     def kernels(self) -> Kernels:
         """These functions compiled, where there is a compiler."""
-        fingerprint = f"{type(self).__qualname__} {self._matrix_function.serialize()}"
-        return Kernels(lambda: self.kernel_functions, fingerprint, self.dim)
+        return Kernels(lambda: self.kernel_functions, self.fingerprint, self.dim)
+
+    @property
+    def fingerprint(self) -> str:
+        """Text that changes with the metric tensor."""
+        return f"{type(self).__qualname__} {self._matrix_function.serialize()}"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "kernels"}
+        return {name: value for name, value in self.__dict__.items() if not name.endswith("kernels")}
 
     @cached_property
     def variation_equation(self) -> ca.Function:

@@ -6,6 +6,8 @@ typedef struct {
   void (*trsv)(char *, char *, char *, int *, const double *, int *, double *, int *);
   void (*gemm)(char *, char *, int *, int *, int *, double *, const double *, int *, const double *,
                int *, double *, double *, int *);
+  void (*pbtrf)(char *, int *, int *, double *, int *, int *);
+  void (*pbtrs)(char *, int *, int *, int *, double *, int *, double *, int *, int *);
 } blas;
 
 /* b := U'^-1 b, or U^-1 b, for U (size, size) with columns `stride` apart. */

@@ -1,9 +1,9 @@
 /* Adaptive integration with the method of order 8 of Dormand and Prince (DOP853: Hairer, Norsett,
    Wanner, Solving Ordinary Differential Equations I, 2nd ed., section II.5). The coefficients
-   RK_A, RK_B, RK_E5, RK_E3 come from SciPy. The same algorithm as in manifold/integrator.py. */
+   RK_A, RK_B, RK_E5, RK_E3 come from SciPy. */
 
 #define STAGES 12
-#define LARGEST_STATE (2 * N)
+#define LARGEST_STATE (4 * N)
 
 typedef int (*rate_function)(const double **, double **, casadi_int *, double *, int);
 
@@ -105,12 +105,4 @@ static int integrate(rate_function rate, int size, const double *start, int coun
   result->step = h;
   result->steps += taken;
   return INTEGRATED;
-}
-
-/* The geodesic equation, from the state (q, v) at times[0]. */
-int integrate_geodesic(const double *start, int count, const double *times, double tolerance,
-                       long max_steps, double *states, integration *result) {
-  double work[WORK_SIZE];
-  return integrate(geodesic_rate, 2 * N, start, count, times, tolerance, max_steps, states, work,
-                   result);
 }

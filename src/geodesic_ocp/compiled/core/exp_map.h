@@ -1,4 +1,12 @@
-/* The exponential map, where two integrations agree at once. */
+/* Integration of geodesics, and the exponential map where two integrations agree at once. */
+
+/* The geodesic equation, from the state (q, v) at times[0]. */
+int integrate_geodesic(const double *start, int count, const double *times, double tolerance,
+                       long max_steps, double *states, integration *result) {
+  double work[WORK_SIZE];
+  return integrate(geodesic_rate, 2 * N, start, count, times, tolerance, max_steps, states, work,
+                   result);
+}
 
 /* Exp_q(v) is the first half of the final state (2 N). Nonzero where the metric at q is not certainly
    valid, an integration stops early, half the difference of two integrations, the first with a

@@ -1,0 +1,442 @@
+"""Riemannian cubics and splines: motions of least covariant acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+from scipy.linalg import cholesky_banded, cho_solve_banded
+
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_vector, evaluate, real_array
+from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.manifold.kernels import integrate_by_scipy, one_blas_thread
+from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.manifold.motion_kernels import (
+    DiscreteMotion,
+    MotionKernels,
+    SegmentBasis,
+    motion_levels,
+    second_order,
+)
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+from geodesic_ocp.trajectory.motion import Motion
+
+TOLERANCE = 1e-9  # of positions and velocities where segments meet
+_STEP, _COARSER = 1e-14, 1e4  # tolerance of a step of the integration, and its first multiple
+_MOVING = 1e-8  # the last change of free knots: rounding of momenta moves them
+_NEAR = 1e-5  # errors from which on integrations are fine
+_ROUNDS, _CONTRACTION = 12, 0.4
+_FAR = 0.5  # errors of the discrete motion from which on more segments are better
+_COARSE, _FINE = SegmentBasis(4, 9), SegmentBasis(10, 14)
+_DECREASE = 1e-11  # of the action, relative, by the last step
+_BISECTIONS = 5
+_HALVINGS, _SCALES = 2, 8  # segments, and steps of the continuation from small motions
+_MAX_STEPS = 5000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RiemannianSpline(ShortRepr):
+    """A motion of least int |D_t q'|^2_G / 2 dt, a Riemannian cubic between its knots.
+
+    Called as `motion(t, order)` it gives positions, velocities or accelerations at times t.
+
+    Attributes:
+        metric: metric of the manifold.
+        times: of the knots and of points between them from which it is integrated (k + 1,) [s].
+        states: positions, velocities and their momenta p and r at the start of each interval,
+            (k, 4 n).
+        end: position and velocity at the last time (2 n).
+        action: int |D_t q'|^2_G / 2 dt.
+        error: largest difference of the integrated cubics from the knots [rad or m, and per s].
+    """
+
+    metric: Metric
+    times: Array
+    states: Array
+    end: Array
+    action: float
+    error: float
+
+    _shown = ("duration", "action", "error")
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last knot [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    def at(self, t: ArrayLike) -> Array:
+        """Return states (k, 4 n) at times (k,) [s]: q, q', and their momenta p and r.
+
+        r = G D_t q' is the generalised force without gravity [N m or N].
+
+        Raises:
+            ValueError: a time before the first or after the last knot.
+        """
+        instants = real_array(t, "t").reshape(-1)
+        slack = 1e-9 * self.duration
+        if not np.all((instants >= self.times[0] - slack) & (instants <= self.times[-1] + slack)):
+            raise ValueError(f"t must be from {self.times[0]:.6g} to {self.times[-1]:.6g}")
+        order = np.argsort(instants)
+        segment = np.clip(np.searchsorted(self.times, instants, "right") - 1, 0, len(self.states) - 1)
+        found = np.empty((len(instants), self.states.shape[1]))
+        for k in np.unique(segment):
+            rows = order[segment[order] == k]
+            local = np.maximum(instants[rows] - self.times[k], 0.0)
+            found[rows] = _integrated(self.metric, self.states[k], np.append(0.0, local))[1:]
+        return found
+
+    def __call__(self, t: ArrayLike, order: int = 0) -> Array:
+        """Return positions (order 0), velocities (1) or accelerations (2) at t, (n,) or (k, n).
+
+        Raises:
+            ValueError: another order, or a time before the first or after the last knot.
+        """
+        if order not in (0, 1, 2):
+            raise ValueError(f"order must be 0, 1 or 2, got {order!r}")
+        n, states = self.metric.dim, self.at(t)
+        if order < 2:
+            values = states[:, order * n : (order + 1) * n]
+        else:
+            values = _rates(self.metric, states)[:, n : 2 * n]
+        return values[0] if np.ndim(t) == 0 else values
+
+    def torques(self, t: ArrayLike) -> Array:
+        """Return the generalised forces without gravity, G D_t q', (n,) or (k, n) [N m or N]."""
+        values = self.at(t)[:, 3 * self.metric.dim :]
+        return values[0] if np.ndim(t) == 0 else values
+
+    def hamiltonian(self, t: ArrayLike) -> Array:
+        """Return p'q' + r' G^-1 r / 2 - r' G^-1 Gamma(q', q') at times (k,), which is constant
+        between knots.
+        """
+        n, states = self.metric.dim, self.at(t)
+        q, v, p, r = (states[:, i * n : (i + 1) * n] for i in range(4))
+        acceleration = _rates(self.metric, states)[:, n : 2 * n]
+        squares = [x @ np.linalg.solve(self.metric.matrix(at), x) for x, at in zip(r, q, strict=True)]
+        return np.sum(p * v + r * acceleration, axis=1) - np.array(squares) / 2.0
+
+    def residual(self, t: ArrayLike) -> Array:
+        """Return D_t^3 q' + R(D_t q', q') q' at times (k,), (k, n): zero up to rounding.
+
+        The covariant derivatives follow from Hamilton's equations by the chain rule, the curvature
+        from the metric alone.
+        """
+        equation = cubic_equation(self.metric)
+        return np.array([equation(state).full()[:, 0] for state in self.at(t)])
+
+    def to_motion(self, rate: float = 100.0) -> Motion:
+        """Return the motion sampled at a rate [Hz], rounded so that both ends are samples."""
+        time = self._sampled(rate)
+        return Motion(time, self(time), self._names)
+
+    def to_trajectory(self, rate: float = 100.0) -> JointTrajectory:
+        """Return positions, velocities and accelerations sampled at a rate [Hz], for a robot."""
+        time = self._sampled(rate)
+        return JointTrajectory(
+            time - time[0], *(self(time, order) for order in range(3)), self._names
+        )
+
+    def _sampled(self, rate: float) -> Array:
+        steps = max(1, round(self.duration * as_positive("rate", rate, "Hz")))
+        return np.linspace(self.times[0], self.times[-1], steps + 1)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        names = self.metric.joint_names
+        return tuple(names) if names else tuple(f"q{i}" for i in range(self.metric.dim))
+
+
+def cubic_equation(metric: Metric) -> ca.Function:
+    """Return (q, q', p, r) -> D_t^3 q' + R(D_t q', q') q' along Hamilton's equations, (4 n) -> (n).
+
+    Riemannian cubics make it vanish (Noakes, Heinzinger, Paden 1989, equation 3).
+    """
+    n = metric.dim
+    y, z = ca.SX.sym("y", 4 * n), ca.SX.sym("z", n)
+    q, v, r = y[:n], y[n : 2 * n], y[3 * n :]
+    rate = second_order(metric).rate(y)
+
+    def covariant(field: ca.SX) -> ca.SX:
+        """Return D_t of a vector field along the motion."""
+        return ca.jtimes(field, y, rate) - metric._transport_rate(q, v, field)
+
+    first = ca.ldl_solve(r, *ca.ldl(metric._matrix_function(q), False))
+    third = covariant(covariant(first))
+    lowered = ca.gradient(metric.curvature_form(q, first, v, v, z), z)
+    curvature = ca.ldl_solve(lowered, *ca.ldl(metric._matrix_function(q), False))
+    return ca.Function("cubic_equation", [y], [ca.densify(third + curvature)])
+
+
+def cubic(
+    metric: Metric,
+    q0: ArrayLike,
+    v0: ArrayLike | None,
+    q1: ArrayLike,
+    v1: ArrayLike | None,
+    duration: float,
+) -> RiemannianSpline:
+    """Return the Riemannian cubic between two positions and velocities.
+
+    It minimizes int |D_t q'|^2_G dt locally, D_t q' = q'' + G^-1 Gamma(q', q') (Noakes, Heinzinger,
+    Paden 1989; Crouch, Silva Leite 1995), and satisfies D_t^3 q' + R(D_t q', q') q' = 0. The result
+    was integrated from its states: positions and velocities meet to 1e-9, and the second variation
+    of the discrete action is positive.
+
+    >>> import geodesic_ocp as go
+    >>> metric = go.KineticEnergy(go.human_arm())
+    >>> q0, q1 = [0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
+    >>> reach = go.cubic(metric, q0, [0.0] * 7, q1, [0.0] * 7, 0.5)
+    >>> reach(0.25).round(3)
+    array([ 0.435,  0.069, -0.512,  1.115,  0.058, -0.037,  0.053])
+
+    Args:
+        metric: metric of the manifold.
+        q0, q1: the ends (n,).
+        v0, v1: velocities there (n,) [per s]; None leaves one free, so that D_t q' is zero there.
+        duration: time from q0 to q1 [s].
+
+    Raises:
+        ValueError: wrong shapes, numbers that are not finite, or a metric that is not positive
+            definite at the ends.
+        NotConverged: no cubic was found.
+    """
+    return spline(metric, [0.0, as_positive("duration", duration, "s")], [q0, q1], v0=v0, v1=v1)
+
+
+def spline(
+    metric: Metric,
+    times: ArrayLike,
+    configurations: ArrayLike,
+    *,
+    v0: ArrayLike | None = None,
+    v1: ArrayLike | None = None,
+) -> RiemannianSpline:
+    """Return the Riemannian cubic spline through configurations at given times.
+
+    It minimizes int |D_t q'|^2_G dt locally among the motions through the configurations: between
+    them it is a Riemannian cubic, at them it is twice continuously differentiable.
+
+    Args:
+        metric: metric of the manifold.
+        times: increasing (k,) [s], at least two.
+        configurations: (k, n).
+        v0, v1: velocities at the ends (n,) [per s]: zeros for rest, None for natural ends, at which
+            D_t q' is zero.
+
+    Raises:
+        ValueError: wrong shapes, numbers that are not finite, times that do not increase, or a
+            metric that is not positive definite at a configuration.
+        NotConverged: no spline was found.
+    """
+    metric = as_metric(metric)
+    instants = real_array(times, "times")
+    if instants.ndim != 1 or len(instants) < 2 or not np.all(np.diff(instants) > 0.0):
+        raise ValueError("times must be at least two increasing numbers")
+    if len(configurations) != len(instants):  # type: ignore[arg-type]
+        raise ValueError(
+            f"there must be one configuration for each time, got {len(instants)} times and "
+            f"{len(configurations)} configurations"  # type: ignore[arg-type]
+        )
+    named = enumerate(configurations)  # type: ignore[arg-type]
+    points = np.array([metric.point(f"configurations[{i}]", q) for i, q in named])
+    given = [None if v is None else as_vector(name, v, metric.dim) for name, v in (("v0", v0), ("v1", v1))]
+    flat = _flat_spline(instants, points, *given)
+    if metric.has_constant_tensor:
+        return _closed_form(metric, instants, flat)
+    is_free = np.repeat([[False, True]], len(instants), axis=0)
+    is_free[[0, -1], 1] = [v is None for v in given]
+    knots = np.hstack([points, flat(instants, 1)])
+    return _least_action(metric, instants, knots, np.repeat(is_free, metric.dim, axis=1))
+
+
+def _flat_spline(times: Array, points: Array, v0: Array | None, v1: Array | None) -> CubicSpline:
+    """Return the cubic spline of a constant metric."""
+    zeros = np.zeros(points.shape[1])
+    ends = tuple((2, zeros) if v is None else (1, v) for v in (v0, v1))
+    return CubicSpline(times, points, bc_type=ends)
+
+
+def _closed_form(metric: Metric, times: Array, flat: CubicSpline) -> RiemannianSpline:
+    tensor = metric.matrix(flat(times[0]))
+    q, v, a, j = (flat.derivative(k)(times[:-1]) if k else flat(times[:-1]) for k in range(4))
+    last = flat.derivative(2)(times[1:])
+    squares = (a, a), (a, last), (last, last)  # accelerations are linear in between
+    means = sum(np.sum(x @ tensor * y, axis=1) for x, y in squares) / 3.0
+    end = np.append(flat(times[-1]), flat(times[-1], 1))
+    action = float(np.diff(times) @ means) / 2.0
+    return RiemannianSpline(metric, times, np.hstack([q, v, -j @ tensor, a @ tensor]), end, action, 0.0)
+
+
+def _least_action(metric: Metric, times: Array, knots: Array, is_free: Array) -> RiemannianSpline:
+    with one_blas_thread:
+        for found in _attempts(metric, times, knots, is_free):
+            if found is not None:
+                return found
+    raise NotConverged(
+        "no motion of least covariant acceleration was found: the velocities are large for these "
+        "configurations and times; give more configurations, or other times"
+    )
+
+
+def _attempts(
+    metric: Metric, times: Array, knots: Array, is_free: Array
+) -> Iterator[RiemannianSpline | None]:
+    coefficients = np.zeros((len(times) - 1, _COARSE.bubbles, metric.dim))
+    found = second_order(metric).find(
+        motion_levels((_COARSE, 1e-6), (_FINE, _DECREASE)),
+        np.diff(times),
+        knots,
+        coefficients,
+        is_free,
+    )
+    if found is not None:
+        yield _matched(metric, times, found, is_free)
+        start = times, found.knots, found.coefficients, is_free
+        yield from _refined(metric, *_bisected(*start), _BISECTIONS)
+    # From small motions, which are nearly those of a constant metric, to the whole one.
+    start = times, knots, np.zeros((len(times) - 1, _FINE.bubbles, metric.dim)), is_free
+    for _ in range(_HALVINGS):
+        start = _bisected(*start)
+    times, knots, coefficients, is_free = start
+    origin = np.append(knots[0, : metric.dim], np.zeros(metric.dim))
+    whole, small = knots - origin, (knots - origin) / _SCALES
+    coefficients = coefficients / _SCALES
+    for step in range(1, _SCALES + 1):
+        small = np.where(is_free, small, whole * step / _SCALES)
+        found = second_order(metric).find(
+            motion_levels((_FINE, 1e-4)), np.diff(times), origin + small, coefficients, is_free
+        )
+        if found is None:
+            return
+        growth = (step + 1) / step if step < _SCALES else 1.0
+        small, coefficients = (found.knots - origin) * growth, found.coefficients * growth
+    yield from _refined(metric, times, origin + small, coefficients, is_free, _BISECTIONS - 1)
+
+
+def _refined(
+    metric: Metric, times: Array, knots: Array, coefficients: Array, is_free: Array, rounds: int
+) -> Iterator[RiemannianSpline | None]:
+    """Yield motions, None where the last failed, with twice as many segments in every round."""
+    for _ in range(rounds):
+        levels, durations = motion_levels((_FINE, _DECREASE)), np.diff(times)
+        found = second_order(metric).find(levels, durations, knots, coefficients, is_free)
+        if found is None:
+            return
+        yield _matched(metric, times, found, is_free)
+        start = times, found.knots, found.coefficients, is_free
+        times, knots, coefficients, is_free = _bisected(*start)
+
+
+def _bisected(
+    times: Array, knots: Array, coefficients: Array, is_free: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return the same motion with twice as many segments."""
+    n = knots.shape[1] // 2
+    durations = np.diff(times)[:, None]
+    q, v = knots[:, :n], knots[:, n:]
+    ends = [q[:-1], durations * v[:-1], q[1:], durations * v[1:]]
+    segments = np.concatenate([np.stack(ends, axis=1), coefficients], axis=1)
+    halves = np.stack([half @ segments for half in _FINE.halves], axis=1)
+    halves = halves.reshape(-1, *halves.shape[2:])
+    starts = np.hstack([halves[:, 0], halves[:, 1] / np.repeat(durations / 2.0, 2, axis=0)])
+    all_free = np.ones((len(times), 2, 2 * n), dtype=bool)
+    all_free[:, 0] = is_free
+    return (
+        np.append(np.stack([times[:-1], (times[:-1] + times[1:]) / 2.0], axis=1), times[-1]),
+        np.vstack([starts, knots[-1]]),
+        halves[:, 4:],
+        all_free.reshape(-1, 2 * n)[:-1],
+    )
+
+
+def _matched(
+    metric: Metric, times: Array, found: DiscreteMotion, is_free: Array
+) -> RiemannianSpline | None:
+    """Correct a discrete motion until the integrated cubics meet at the knots.
+
+    Positions, velocities and, where these are free, momenta of both sides agree: Newton's method
+    (multiple shooting) with the derivatives of the discrete action. None where it does not converge.
+    """
+    size = found.knots.shape[1]
+    knots, durations = found.knots.copy(), np.diff(times)
+    momenta = -found.gradients[:, :size]
+    start, mixed = found.hessians[:, :size, :size], found.hessians[:, :size, size:]
+    end = found.hessians[:, size:, size:]
+    try:
+        factor = _banded_cholesky(found.hessians, is_free)
+        last = np.inf
+        for _ in range(_ROUNDS):
+            is_fine = last < _NEAR
+            ends = _ends(metric, knots, momenta, durations, _STEP * (1.0 if is_fine else _COARSER))
+            missed = ends[:, :size] - knots[1:]
+            before = momenta + np.einsum("kij,kj->ki", mixed, missed)
+            after = ends[:, size:] - np.einsum("kij,kj->ki", end, missed)
+            jump = np.zeros_like(knots)
+            jump[:-1] -= before
+            jump[1:] += after
+            change = np.zeros_like(knots)
+            change[is_free] = -cho_solve_banded((factor, False), np.where(is_free, jump, 0.0).ravel())[
+                is_free.ravel()
+            ]
+            missing, moving = np.abs(missed).max(), np.abs(change).max()
+            error = max(missing, moving)
+            if is_fine and missing <= TOLERANCE and moving <= _MOVING:
+                states = np.hstack([knots[:-1], momenta])
+                return RiemannianSpline(
+                    metric, times, states, knots[-1], found.action, float(missing)
+                )
+            if not error < min(_CONTRACTION * last, _FAR):
+                return None
+            last = error
+            knots = knots + change
+            momenta = before - np.einsum("kij,kj->ki", start, change[:-1])
+            momenta -= np.einsum("kij,kj->ki", mixed, change[1:])
+    except (IntegrationFailed, np.linalg.LinAlgError):
+        return None
+    return None
+
+
+def _banded_cholesky(hessians: Array, is_free: Array) -> Array:
+    """Return the factor of the sum of the segments' Hessians, with unit rows where not free."""
+    count, size = len(hessians), is_free.shape[1]
+    band = np.zeros((2 * size, (count + 1) * size))
+    row, column = np.triu_indices(2 * size)
+    for k in range(count):
+        free = is_free[k : k + 2].ravel()
+        block = hessians[k] * np.outer(free, free)
+        band[2 * size - 1 + row - column, k * size + column] += block[row, column]
+    band[-1, ~is_free.ravel()] = 1.0
+    return np.asarray(cholesky_banded(band))
+
+
+def _ends(metric: Metric, knots: Array, momenta: Array, durations: Array, tolerance: float) -> Array:
+    """Return the final states (k, 4 n) of cubics from the knots."""
+    starts = np.hstack([knots[:-1], momenta])
+    pairs = zip(starts, durations, strict=True)
+    return np.array(
+        [_integrated(metric, each, np.array([0.0, length]), tolerance)[1] for each, length in pairs]
+    )
+
+
+def _integrated(metric: Metric, start: Array, times: Array, tolerance: float = _STEP) -> Array:
+    """Return states (k, 4 n) of Hamilton's equations at times (k,) from the first on."""
+    if metric.has_constant_tensor:
+        q, v, p, r = start.reshape(4, -1)
+        t = times[:, None] - times[0]
+        a, j = np.linalg.solve(metric.matrix(q), np.column_stack([r, -p])).T
+        position = q + t * (v + t * (a / 2.0 + t * j / 6.0))
+        return np.hstack([position, v + t * (a + t * j / 2.0), np.tile(p, t.shape), r - t * p])
+    kernels: MotionKernels = second_order(metric)
+    if kernels.available():
+        return kernels.states(start, times, tolerance, _MAX_STEPS)
+    return integrate_by_scipy(kernels.rate, start, times, tolerance, None, _MAX_STEPS)
+
+
+def _rates(metric: Metric, states: Array) -> Array:
+    """Return Hamilton's equations at states (k, 4 n)."""
+    rate = second_order(metric).rate
+    return np.array([evaluate(rate, state)[:, 0] for state in states])
