@@ -18,6 +18,8 @@ from .errors import RecordingError as RecordingError
 from .execution.check_trajectory import check_trajectory as check_trajectory
 from .execution.plan_trajectory import plan_trajectory as plan_trajectory
 from .fitting.fit_metric import fit_metric as fit_metric
+from .logarithm.cubics import cubic as cubic
+from .logarithm.cubics import spline as spline
 from .logarithm.geodesic import Geodesic as Geodesic
 from .logarithm.geodesic import geodesic as geodesic
 from .logarithm.geodesic import geodesic_from_velocity as geodesic_from_velocity

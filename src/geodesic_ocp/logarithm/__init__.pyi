@@ -1,1 +1,2 @@
+from .cubics import RiemannianSpline as RiemannianSpline
 from .geodesic_to_pose import ToPose as ToPose

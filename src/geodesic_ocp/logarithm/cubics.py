@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
-from scipy.linalg import cholesky_banded, cho_solve_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_vector, evaluate, real_array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.logarithm.motion_by_ipopt import find_by_ipopt
 from geodesic_ocp.manifold.kernels import integrate_by_scipy, one_blas_thread
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.motion_kernels import (
@@ -24,6 +26,8 @@ from geodesic_ocp.manifold.motion_kernels import (
 )
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
+
+Levels: TypeAlias = tuple[tuple[SegmentBasis, float], ...]
 
 TOLERANCE = 1e-9  # of positions and velocities where segments meet
 _STEP, _COARSER = 1e-14, 1e4  # tolerance of a step of the integration, and its first multiple
@@ -77,16 +81,17 @@ class RiemannianSpline(ShortRepr):
             ValueError: a time before the first or after the last knot.
         """
         instants = real_array(t, "t").reshape(-1)
+        first, last = self.times[[0, -1]]
         slack = 1e-9 * self.duration
-        if not np.all((instants >= self.times[0] - slack) & (instants <= self.times[-1] + slack)):
-            raise ValueError(f"t must be from {self.times[0]:.6g} to {self.times[-1]:.6g}")
-        order = np.argsort(instants)
-        segment = np.clip(np.searchsorted(self.times, instants, "right") - 1, 0, len(self.states) - 1)
+        if not np.all((instants >= first - slack) & (instants <= last + slack)):
+            raise ValueError(f"t must be from {first:.6g} to {last:.6g}")
+        segment = np.searchsorted(self.times[1:-1], instants, "right")
         found = np.empty((len(instants), self.states.shape[1]))
         for k in np.unique(segment):
-            rows = order[segment[order] == k]
-            local = np.maximum(instants[rows] - self.times[k], 0.0)
-            found[rows] = _integrated(self.metric, self.states[k], np.append(0.0, local))[1:]
+            rows = np.flatnonzero(segment == k)
+            since = np.maximum(instants[rows] - self.times[k], 0.0)
+            local, row = np.unique(np.append(0.0, since), return_inverse=True)
+            found[rows] = _integrated(self.metric, self.states[k], local)[row[1:]]
         return found
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
@@ -116,8 +121,9 @@ class RiemannianSpline(ShortRepr):
         n, states = self.metric.dim, self.at(t)
         q, v, p, r = (states[:, i * n : (i + 1) * n] for i in range(4))
         acceleration = _rates(self.metric, states)[:, n : 2 * n]
-        squares = [x @ np.linalg.solve(self.metric.matrix(at), x) for x, at in zip(r, q, strict=True)]
-        return np.sum(p * v + r * acceleration, axis=1) - np.array(squares) / 2.0
+        tensors = np.array([self.metric.matrix(each) for each in q])
+        squares = np.sum(r * np.linalg.solve(tensors, r[..., None])[..., 0], axis=1)
+        return np.asarray(np.sum(p * v + r * acceleration, axis=1) - squares / 2.0)
 
     def residual(self, t: ArrayLike) -> Array:
         """Return D_t^3 q' + R(D_t q', q') q' at times (k,), (k, n): zero up to rounding.
@@ -136,9 +142,9 @@ class RiemannianSpline(ShortRepr):
     def to_trajectory(self, rate: float = 100.0) -> JointTrajectory:
         """Return positions, velocities and accelerations sampled at a rate [Hz], for a robot."""
         time = self._sampled(rate)
-        return JointTrajectory(
-            time - time[0], *(self(time, order) for order in range(3)), self._names
-        )
+        positions, velocities, accelerations = (self(time, order) for order in range(3))
+        since = time - time[0]
+        return JointTrajectory(since, positions, velocities, accelerations, self._names)
 
     def _sampled(self, rate: float) -> Array:
         steps = max(1, round(self.duration * as_positive("rate", rate, "Hz")))
@@ -204,13 +210,15 @@ def cubic(
             definite at the ends.
         NotConverged: no cubic was found.
     """
-    return spline(metric, [0.0, as_positive("duration", duration, "s")], [q0, q1], v0=v0, v1=v1)
+    metric, times = as_metric(metric), np.array([0.0, as_positive("duration", duration, "s")])
+    points = np.array([metric.point("q0", q0), metric.point("q1", q1)])
+    return _spline(metric, times, points, v0, v1)
 
 
 def spline(
     metric: Metric,
     times: ArrayLike,
-    configurations: ArrayLike,
+    configurations: Sequence[ArrayLike] | Array,
     *,
     v0: ArrayLike | None = None,
     v1: ArrayLike | None = None,
@@ -236,21 +244,28 @@ def spline(
     instants = real_array(times, "times")
     if instants.ndim != 1 or len(instants) < 2 or not np.all(np.diff(instants) > 0.0):
         raise ValueError("times must be at least two increasing numbers")
-    if len(configurations) != len(instants):  # type: ignore[arg-type]
+    if len(configurations) != len(instants):
         raise ValueError(
             f"there must be one configuration for each time, got {len(instants)} times and "
-            f"{len(configurations)} configurations"  # type: ignore[arg-type]
+            f"{len(configurations)} configurations"
         )
-    named = enumerate(configurations)  # type: ignore[arg-type]
+    named = enumerate(configurations)
     points = np.array([metric.point(f"configurations[{i}]", q) for i, q in named])
-    given = [None if v is None else as_vector(name, v, metric.dim) for name, v in (("v0", v0), ("v1", v1))]
-    flat = _flat_spline(instants, points, *given)
+    return _spline(metric, instants, points, v0, v1)
+
+
+def _spline(
+    metric: Metric, times: Array, points: Array, v0: ArrayLike | None, v1: ArrayLike | None
+) -> RiemannianSpline:
+    named = ("v0", v0), ("v1", v1)
+    velocities = [None if v is None else as_vector(name, v, metric.dim) for name, v in named]
+    flat = _flat_spline(times, points, *velocities)
     if metric.has_constant_tensor:
-        return _closed_form(metric, instants, flat)
-    is_free = np.repeat([[False, True]], len(instants), axis=0)
-    is_free[[0, -1], 1] = [v is None for v in given]
-    knots = np.hstack([points, flat(instants, 1)])
-    return _least_action(metric, instants, knots, np.repeat(is_free, metric.dim, axis=1))
+        return _closed_form(metric, times, flat)
+    is_free = np.repeat([[False, True]], len(times), axis=0)
+    is_free[[0, -1], 1] = [v is None for v in velocities]
+    knots = np.hstack([points, flat(times, 1)])
+    return _least_action(metric, times, knots, np.repeat(is_free, metric.dim, axis=1))
 
 
 def _flat_spline(times: Array, points: Array, v0: Array | None, v1: Array | None) -> CubicSpline:
@@ -268,7 +283,8 @@ def _closed_form(metric: Metric, times: Array, flat: CubicSpline) -> RiemannianS
     means = sum(np.sum(x @ tensor * y, axis=1) for x, y in squares) / 3.0
     end = np.append(flat(times[-1]), flat(times[-1], 1))
     action = float(np.diff(times) @ means) / 2.0
-    return RiemannianSpline(metric, times, np.hstack([q, v, -j @ tensor, a @ tensor]), end, action, 0.0)
+    states = np.hstack([q, v, -j @ tensor, a @ tensor])
+    return RiemannianSpline(metric, times, states, end, action, 0.0)
 
 
 def _least_action(metric: Metric, times: Array, knots: Array, is_free: Array) -> RiemannianSpline:
@@ -285,14 +301,9 @@ def _least_action(metric: Metric, times: Array, knots: Array, is_free: Array) ->
 def _attempts(
     metric: Metric, times: Array, knots: Array, is_free: Array
 ) -> Iterator[RiemannianSpline | None]:
-    coefficients = np.zeros((len(times) - 1, _COARSE.bubbles, metric.dim))
-    found = second_order(metric).find(
-        motion_levels((_COARSE, 1e-6), (_FINE, _DECREASE)),
-        np.diff(times),
-        knots,
-        coefficients,
-        is_free,
-    )
+    flat = np.zeros((len(times) - 1, _COARSE.bubbles, metric.dim))
+    levels: Levels = ((_COARSE, 1e-6), (_FINE, _DECREASE))
+    found = _find(metric, levels, np.diff(times), knots, flat, is_free)
     if found is not None:
         yield _matched(metric, times, found, is_free)
         start = times, found.knots, found.coefficients, is_free
@@ -307,9 +318,8 @@ def _attempts(
     coefficients = coefficients / _SCALES
     for step in range(1, _SCALES + 1):
         small = np.where(is_free, small, whole * step / _SCALES)
-        found = second_order(metric).find(
-            motion_levels((_FINE, 1e-4)), np.diff(times), origin + small, coefficients, is_free
-        )
+        levels = ((_FINE, 1e-4),)
+        found = _find(metric, levels, np.diff(times), origin + small, coefficients, is_free)
         if found is None:
             return
         growth = (step + 1) / step if step < _SCALES else 1.0
@@ -317,13 +327,31 @@ def _attempts(
     yield from _refined(metric, times, origin + small, coefficients, is_free, _BISECTIONS - 1)
 
 
+def _find(
+    metric: Metric,
+    levels: Levels,
+    durations: Array,
+    knots: Array,
+    coefficients: Array,
+    is_free: Array,
+) -> DiscreteMotion | None:
+    """Return the discrete motion by the compiled core, or by Ipopt on the last level alone."""
+    kernels = second_order(metric)
+    if kernels.available():
+        return kernels.find(motion_levels(*levels), durations, knots, coefficients, is_free)
+    basis = levels[-1][0]
+    wider = np.zeros((len(durations), basis.bubbles, metric.dim))
+    wider[:, : coefficients.shape[1]] = coefficients
+    return find_by_ipopt(metric, basis, durations, knots, wider, is_free)
+
+
 def _refined(
     metric: Metric, times: Array, knots: Array, coefficients: Array, is_free: Array, rounds: int
 ) -> Iterator[RiemannianSpline | None]:
     """Yield motions, None where the last failed, with twice as many segments in every round."""
     for _ in range(rounds):
-        levels, durations = motion_levels((_FINE, _DECREASE)), np.diff(times)
-        found = second_order(metric).find(levels, durations, knots, coefficients, is_free)
+        levels = ((_FINE, _DECREASE),)
+        found = _find(metric, levels, np.diff(times), knots, coefficients, is_free)
         if found is None:
             return
         yield _matched(metric, times, found, is_free)
@@ -359,7 +387,8 @@ def _matched(
     """Correct a discrete motion until the integrated cubics meet at the knots.
 
     Positions, velocities and, where these are free, momenta of both sides agree: Newton's method
-    (multiple shooting) with the derivatives of the discrete action. None where it does not converge.
+    (multiple shooting) with the derivatives of the discrete action. None where it does not
+    converge.
     """
     size = found.knots.shape[1]
     knots, durations = found.knots.copy(), np.diff(times)
@@ -378,10 +407,8 @@ def _matched(
             jump = np.zeros_like(knots)
             jump[:-1] -= before
             jump[1:] += after
-            change = np.zeros_like(knots)
-            change[is_free] = -cho_solve_banded((factor, False), np.where(is_free, jump, 0.0).ravel())[
-                is_free.ravel()
-            ]
+            jump[np.logical_not(is_free)] = 0.0
+            change = -cho_solve_banded((factor, False), jump.ravel()).reshape(knots.shape)
             missing, moving = np.abs(missed).max(), np.abs(change).max()
             error = max(missing, moving)
             if is_fine and missing <= TOLERANCE and moving <= _MOVING:
@@ -409,11 +436,13 @@ def _banded_cholesky(hessians: Array, is_free: Array) -> Array:
         free = is_free[k : k + 2].ravel()
         block = hessians[k] * np.outer(free, free)
         band[2 * size - 1 + row - column, k * size + column] += block[row, column]
-    band[-1, ~is_free.ravel()] = 1.0
+    band[-1, np.logical_not(is_free.ravel())] = 1.0
     return np.asarray(cholesky_banded(band))
 
 
-def _ends(metric: Metric, knots: Array, momenta: Array, durations: Array, tolerance: float) -> Array:
+def _ends(
+    metric: Metric, knots: Array, momenta: Array, durations: Array, tolerance: float
+) -> Array:
     """Return the final states (k, 4 n) of cubics from the knots."""
     starts = np.hstack([knots[:-1], momenta])
     pairs = zip(starts, durations, strict=True)

@@ -144,7 +144,7 @@ def blas() -> Blas:
     def pointer(name: str) -> int | None:
         return _pointer(cython_lapack if name.startswith("p") else cython_blas, f"d{name}")
 
-    return Blas(*(pointer(name) for name, _ in Blas._fields_))
+    return Blas(*(pointer(field[0]) for field in Blas._fields_))
 
 
 def _pointer(module: Any, name: str) -> int | None:

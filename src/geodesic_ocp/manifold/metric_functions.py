@@ -197,7 +197,8 @@ class MetricFunctions(ABC):
         return f"{type(self).__qualname__} {self._matrix_function.serialize()}"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if not name.endswith("kernels")}
+        state = self.__dict__.items()
+        return {name: value for name, value in state if not name.endswith("kernels")}
 
     @cached_property
     def variation_equation(self) -> ca.Function:

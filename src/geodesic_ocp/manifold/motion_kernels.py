@@ -43,7 +43,8 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
       its second derivatives, see core/motion.h
     - motion_rate: (q, v, p, r)', Hamilton's equations
 
-    With w = G^-1 tau held constant, L has the derivatives of w' tau - w' G w / 2 (envelope theorem).
+    With w = G^-1 tau held constant, L has the derivatives of w' tau - w' G w / 2 (envelope
+    theorem).
     """
     n, sym = metric.dim, ca.SX.sym
     q, v, a, w, u, p, r = (sym(name, n) for name in "qvawupr")
@@ -67,7 +68,8 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
     gauss = ca.horzcat(slope.T @ solved(slope[:, : 2 * n]), slope.T)
     rest = ca.jacobian(gradient, point)
     first, mixed = ((0, 0), (0, 1), (0, 2), (1, 1)), ((1, 2), (2, 2))
-    blocks = [block(gauss, *each) for each in first + mixed] + [block(rest, *each) for each in first]
+    blocks = [block(gauss, *each) for each in first + mixed]
+    blocks += [block(rest, *each) for each in first]
     derivatives = ca.substitute(ca.vertcat(gradient, *blocks), w, covariant)
     momentum = ca.gradient(ca.dot(w, torque(w / 2 - u)), q)
     forces = ca.vertcat(momentum, ca.gradient(ca.dot(w, force), v) - p)
@@ -108,17 +110,23 @@ class SegmentBasis:
         return np.array([each.deriv(order)(s) if order else each(s) for each in self.polynomials])
 
     @cached_property
+    def rule(self) -> tuple[Array, Array]:
+        """Gauss points of [0, 1] and their weights, (points,) each."""
+        nodes, weights = leggauss(self.points)
+        return (nodes + 1.0) / 2.0, weights / 2.0
+
+    @cached_property
     def halves(self) -> list[Array]:
         """Matrices from the coefficients on a segment to those on its first and second half."""
         s = np.linspace(0.0, 1.0, 2 * self.bubbles + 8)
         here = self.values(s).T
-        return [np.linalg.lstsq(here, self.values((s + k) / 2.0).T)[0] for k in range(2)]
+        there = (self.values((s + k) / 2.0).T for k in range(2))
+        return [np.asarray(np.linalg.lstsq(here, each)[0], dtype=float) for each in there]
 
     @cached_property
     def tables(self) -> dict[str, Array]:
         """The constants of a level in core/motion.h."""
-        nodes, weights = leggauss(self.points)
-        s, weights = (nodes + 1.0) / 2.0, weights / 2.0
+        s, weights = self.rule
         values = np.array([self.values(s, order) for order in range(3)])
         b, a = np.tril_indices(4 + self.bubbles)
         pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (1, 0), (2, 0), (2, 1)]
@@ -141,7 +149,7 @@ class MotionLevel(ctypes.Structure):
 
 @lru_cache
 def motion_levels(*levels: tuple[SegmentBasis, float]) -> ctypes.Array[MotionLevel]:
-    """Return levels as the compiled core takes them: bases, and relative decreases that end them."""
+    """Return levels for the compiled core: bases, and relative decreases that end them."""
     result = (MotionLevel * len(levels))()
     for level, (basis, decrease) in zip(result, levels, strict=True):
         level.bubbles, level.points = basis.bubbles, basis.points
@@ -222,11 +230,10 @@ class MotionKernels(Kernels):
         action, steps = c_double(), c_long()
         gradients, hessians = np.empty((count, 4 * n)), np.empty((count, 4 * n, 4 * n))
         pointers = (ctypes.c_void_p(each.ctypes.data) for each in (free, memory, flags))
+        given = byref(blas()), levels, number, parts, durations
         results = byref(action), gradients, hessians, byref(steps)
         with one_blas_thread:
-            status = self._call(
-                "find_motion", byref(blas()), levels, number, parts, durations, *pointers, x, *results
-            )
+            status = self._call("find_motion", *given, *pointers, x, *results)
         if status:
             return None
         width = (2 + levels[len(levels) - 1].bubbles) * n

@@ -1,0 +1,235 @@
+"""Riemannian cubics and splines: closed forms, the equation they satisfy, and both routes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+import geodesic_ocp as go
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.logarithm import cubics
+from geodesic_ocp.manifold.metrics import default_joint_inertia
+from geodesic_ocp.manifold.motion_kernels import second_order
+
+ARM = go.human_arm()
+HUMAN = go.KineticEnergy(ARM.with_armature(default_joint_inertia(ARM)))
+TIMES = np.linspace(0.0, 1.0, 21)
+
+
+class Polar(go.Metric):
+    """The Euclidean plane in polar coordinates (r, phi)."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        return ca.diag(ca.vertcat(1.0, q[0] ** 2))
+
+
+class Sphere(go.Metric):
+    """The unit sphere in colatitude and longitude."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        return ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
+
+
+class HalfPlane(go.Metric):
+    """The hyperbolic plane, y > 0."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        return ca.SX.eye(2) / q[1] ** 2
+
+
+class Rotations(go.Metric):
+    """SO(3) in Euler angles x, y, z (intrinsic) with its bi-invariant metric |omega|^2."""
+
+    dim = 3
+
+    def matrix(self, q: Any) -> Any:
+        jacobian = self.to_body(q)
+        return jacobian.T @ jacobian
+
+    @staticmethod
+    def to_body(q: Any) -> Any:
+        """From rates of the angles to the body's angular velocity."""
+        c, s = ca.cos, ca.sin
+        return ca.vertcat(
+            ca.horzcat(c(q[1]) * c(q[2]), s(q[2]), 0),
+            ca.horzcat(-c(q[1]) * s(q[2]), c(q[2]), 0),
+            ca.horzcat(s(q[1]), 0, 1),
+        )
+
+
+def polar(x: Array, dx: Array) -> tuple[Array, Array]:
+    r, phi = np.hypot(*x), np.arctan2(x[1], x[0])
+    return np.array([r, phi]), np.array([x @ dx / r, (x[0] * dx[1] - x[1] * dx[0]) / r**2])
+
+
+def test_cubics_of_a_constant_metric_are_polynomials() -> None:
+    metric = go.Euclidean(3)
+    points = np.array([[0.0, 1.0, 2.0], [0.5, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 3.0, 1.0]])
+    times = [0.0, 0.4, 1.1, 1.5]
+    v0 = np.array([1.0, -2.0, 0.5])
+    motion = go.spline(metric, times, points, v0=v0)
+    expected = CubicSpline(times, points, bc_type=((1, v0), (2, np.zeros(3))))
+    t = np.linspace(0.0, 1.5, 31)
+    for order in range(3):
+        value = expected(t, order)
+        np.testing.assert_allclose(motion(t, order), value, atol=1e-12 * np.abs(value).max())
+    points, weights = np.polynomial.legendre.leggauss(4)
+    halves = [((a + b) / 2.0, (b - a) / 2.0) for a, b in pairwise(times)]
+    squares = [h * weights @ np.sum(expected(m + h * points, 2) ** 2, axis=1) for m, h in halves]
+    action = sum(squares) / 2.0
+    assert motion.action == pytest.approx(action, rel=1e-12)
+
+
+def test_the_plane_in_polar_coordinates_has_straight_cubics() -> None:
+    curve = np.array([[1.0, 0.2], [0.3, 0.9], [-0.4, 0.5], [0.2, -0.6]])  # powers of t
+
+    def at(t: float) -> tuple[Array, Array]:
+        powers, slopes = t ** np.arange(4), np.arange(4) * t ** np.maximum(np.arange(4) - 1, 0)
+        return powers @ curve, slopes @ curve
+
+    (q0, v0), (q1, v1) = polar(*at(0.0)), polar(*at(1.0))
+    motion = go.cubic(Polar(), q0, v0, q1, v1, 1.0)
+    expected = np.array([polar(*at(t))[0] for t in TIMES])
+    np.testing.assert_allclose(motion(TIMES), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("metric", [Sphere(), HalfPlane(), HUMAN], ids=lambda m: type(m).__name__)
+def test_cubic_time_laws_on_geodesics_are_cubics(metric: go.Metric) -> None:
+    """D_t^3 q' = s'''' e = 0 and R(s'' e, s' e) s' e = 0 along a geodesic with unit velocity e."""
+    q = np.full(metric.dim, 0.8)
+    v = np.linspace(0.6, -0.3, metric.dim)
+    s = np.polynomial.Polynomial([0.0, 0.4, 1.2, -0.6])
+    rates = s.deriv()(np.array([0.0, 1.0]))
+    line = go.geodesic_from_velocity(metric, q, v)
+    v1 = line.velocities(1.0) if hasattr(line, "velocities") else line(1.0, 1)
+    motion = go.cubic(metric, q, rates[0] * v, line(1.0), rates[1] * v1, 1.0)
+    np.testing.assert_allclose(motion(TIMES), line(s(TIMES)), atol=1e-8)
+
+
+def test_cubics_of_rotations_are_lie_quadratics() -> None:
+    """The body's angular velocity satisfies V'' = V' x V + C (Noakes, 2003)."""
+    metric = Rotations()
+    ends = np.array([0.2, -0.3, 0.4]), np.array([-0.5, 0.6, 1.0])
+    motion = go.cubic(metric, ends[0], [1.0, 2.0, -1.0], ends[1], [0.5, -1.0, 2.0], 1.0)
+    t = np.linspace(0.0, 1.0, 2001)
+    bodies = zip(motion(t), motion(t, 1), strict=True)
+    velocity = np.array([ca.DM(metric.to_body(q)).full() @ v for q, v in bodies])
+    first = np.gradient(velocity, t, axis=0, edge_order=2)
+    second = np.gradient(first, t, axis=0, edge_order=2)
+    constant = (second - np.cross(first, velocity))[5:-5]
+    assert np.ptp(constant, axis=0).max() < 1e-3 * np.abs(constant).max()
+    turn = Rotation.from_euler("XYZ", motion(1.0)).as_matrix()
+    np.testing.assert_allclose(turn, Rotation.from_euler("XYZ", ends[1]).as_matrix(), atol=1e-9)
+
+
+@given(st.integers(0, 10_000))
+def test_cubics_of_an_arm_satisfy_their_equation(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q0 = rng.uniform(ARM.lower, ARM.upper)
+    q1 = q0 + rng.uniform(0.0, 0.5) * (rng.uniform(ARM.lower, ARM.upper) - q0)
+    v0, v1 = rng.uniform(-3.0, 3.0, (2, 7))
+    duration = rng.uniform(0.2, 1.0)
+    motion = go.cubic(HUMAN, q0, v0, q1, v1, duration)
+    t = np.linspace(0.0, duration, 7)
+    scale = np.abs(motion.torques(t)).max() / duration**2
+    assert np.abs(motion.residual(t)).max() < 1e-7 * scale * np.linalg.norm(
+        np.linalg.inv(HUMAN.matrix(q0)), 2
+    )
+    energy = motion.hamiltonian(t)
+    assert np.ptp(energy) < 1e-8 * (np.abs(energy).max() + motion.action / duration)
+    np.testing.assert_allclose(motion(duration), q1, atol=1e-8)
+    np.testing.assert_allclose(motion(duration, 1), v1, atol=1e-8)
+
+
+def test_free_ends_are_natural() -> None:
+    points = np.array([[0.3, 0, -0.2, 0.8, 0, 0, 0], [0.6, 0.2, -0.9, 1.4, 0.1, 0, 0.1]])
+    motion = go.cubic(HUMAN, points[0], None, points[1], np.ones(7), 0.6)
+    assert np.abs(motion.torques(0.0)).max() < 1e-8 * np.abs(motion.torques(0.6)).max()
+    clamped = go.cubic(HUMAN, points[0], motion(0.0, 1), points[1], np.ones(7), 0.6)
+    assert clamped.action == pytest.approx(motion.action, rel=1e-8)
+    for change in np.eye(7)[:2]:
+        v0 = motion(0.0, 1) + 0.1 * change
+        other = go.cubic(HUMAN, points[0], v0, points[1], np.ones(7), 0.6)
+        assert other.action > motion.action
+
+
+def test_splines_are_twice_continuously_differentiable_and_least() -> None:
+    rng = np.random.default_rng(3)
+    times, points = [0.0, 0.3, 0.5, 0.9], np.cumsum(rng.uniform(-0.3, 0.3, (4, 7)), axis=0)
+    motion = go.spline(HUMAN, times, points, v0=np.zeros(7), v1=np.zeros(7))
+    np.testing.assert_allclose(motion(times), points, atol=1e-8)
+    beside = np.array(times[1:-1])
+    jump = motion(beside + 1e-7, 2) - motion(beside - 1e-7, 2)
+    assert np.abs(jump).max() < 1e-5 * np.abs(motion(times, 2)).max()
+    # Of cubics through the same states the spline has the least action.
+    for knot in (1, 2):
+        for sign in (-1.0, 1.0):
+            velocities = motion(times, 1)
+            velocities[knot] += sign * 0.05
+            pieces = [
+                go.cubic(HUMAN, points[k], velocities[k], points[k + 1], velocities[k + 1], t1 - t0)
+                for k, (t0, t1) in enumerate(pairwise(times))
+            ]
+            assert sum(piece.action for piece in pieces) > motion.action
+
+
+def test_ipopt_finds_the_same_motions(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(5)
+    times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, 7)), axis=0)
+    compiled = go.spline(HUMAN, times, points, v0=np.ones(7))
+    monkeypatch.setattr(type(second_order(HUMAN)), "available", lambda *_: False)
+    monkeypatch.setattr(cubics, "_STEP", 1e-13)
+    reference = go.spline(HUMAN, times, points, v0=np.ones(7))
+    assert reference.action == pytest.approx(compiled.action, rel=1e-10)
+    t = np.linspace(0.0, 0.7, 15)
+    np.testing.assert_allclose(reference(t), compiled(t), atol=1e-8)
+
+
+def test_motions_are_sampled_as_trajectories() -> None:
+    q0, q1 = np.zeros(7), np.full(7, 0.3)
+    reach = go.cubic(HUMAN, q0, np.zeros(7), q1, np.zeros(7), 0.5)
+    trajectory = reach.to_trajectory(200.0)
+    assert trajectory.joint_names == tuple(ARM.joint_names)
+    assert trajectory.duration == pytest.approx(0.5)
+    np.testing.assert_allclose(trajectory.positions[-1], q1, atol=1e-8)
+    between = np.array([0.1013, 0.2381])
+    np.testing.assert_allclose(trajectory.states(between)[0], reach(between), atol=1e-7)
+    assert reach.to_motion(100.0).q.shape == (51, 7)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"times": [0.0, 0.0, 1.0]}, "times must be at least two increasing numbers"),
+        ({"times": [0.0, 1.0]}, "2 times and 3 configurations"),
+        ({"v0": [1.0, 2.0, 3.0]}, r"v0 must have shape \(2,\)"),
+        ({"v1": [np.nan, 0.0]}, "v1 must be finite"),
+        ({"configurations": [[1, 2], [3, 4], [5, np.inf]]}, r"configurations\[2\] must be finite"),
+    ],
+)
+def test_bad_input_is_named(change: dict[str, Any], message: str) -> None:
+    arguments: dict[str, Any] = {
+        "times": [0.0, 0.5, 1.0],
+        "configurations": [[1.0, 0.5], [1.2, 0.6], [1.0, 0.9]],
+    }
+    with pytest.raises(ValueError, match=message):
+        go.spline(Sphere(), **{**arguments, **change})
+    motion = go.spline(Sphere(), **arguments)
+    with pytest.raises(ValueError, match="t must be from 0 to 1"):
+        motion(1.5)
+    with pytest.raises(ValueError, match="order must be 0, 1 or 2"):
+        motion(0.5, 3)
