@@ -24,6 +24,7 @@ from geodesic_ocp.manifold.motion_kernels import (
     motion_levels,
     second_order,
 )
+from geodesic_ocp.ocp.motion_program import bisected
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -362,23 +363,10 @@ def _refined(
 def _bisected(
     times: Array, knots: Array, coefficients: Array, is_free: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the same motion with twice as many segments."""
-    n = knots.shape[1] // 2
-    durations = np.diff(times)[:, None]
-    q, v = knots[:, :n], knots[:, n:]
-    ends = [q[:-1], durations * v[:-1], q[1:], durations * v[1:]]
-    segments = np.concatenate([np.stack(ends, axis=1), coefficients], axis=1)
-    halves = np.stack([half @ segments for half in _FINE.halves], axis=1)
-    halves = halves.reshape(-1, *halves.shape[2:])
-    starts = np.hstack([halves[:, 0], halves[:, 1] / np.repeat(durations / 2.0, 2, axis=0)])
-    all_free = np.ones((len(times), 2, 2 * n), dtype=bool)
-    all_free[:, 0] = is_free
-    return (
-        np.append(np.stack([times[:-1], (times[:-1] + times[1:]) / 2.0], axis=1), times[-1]),
-        np.vstack([starts, knots[-1]]),
-        halves[:, 4:],
-        all_free.reshape(-1, 2 * n)[:-1],
-    )
+    """Return the same motion with twice as many segments; the new knots are free."""
+    twice = np.ones((2 * len(times) - 1, knots.shape[1]), dtype=bool)
+    twice[::2] = is_free
+    return (*bisected(_FINE, times, knots, coefficients), twice)
 
 
 def _matched(
