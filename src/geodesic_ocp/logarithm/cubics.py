@@ -25,8 +25,7 @@ from geodesic_ocp.manifold.motion_kernels import (
     second_order,
 )
 from geodesic_ocp.ocp.motion_program import bisected
-from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
-from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 Levels: TypeAlias = tuple[tuple[SegmentBasis, float], ...]
 
@@ -44,15 +43,13 @@ _MAX_STEPS = 5000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RiemannianSpline(ShortRepr):
+class RiemannianSpline(TimedMotion, ShortRepr):
     """A motion of least int |D_t q'|^2_G / 2 dt, a Riemannian cubic between its knots.
-
-    Called as `motion(t, order)` it gives positions, velocities or accelerations at times t.
 
     Attributes:
         metric: metric of the manifold.
         times: of the knots and of points between them from which it is integrated (k + 1,) [s].
-        states: positions, velocities and their momenta p and r at the start of each interval,
+        starts: positions, velocities and their momenta p and r at the start of each interval,
             (k, 4 n).
         end: position and velocity at the last time (2 n).
         action: int |D_t q'|^2_G / 2 dt.
@@ -61,17 +58,12 @@ class RiemannianSpline(ShortRepr):
 
     metric: Metric
     times: Array
-    states: Array
+    starts: Array
     end: Array
     action: float
     error: float
 
     _shown = ("duration", "action", "error")
-
-    @property
-    def duration(self) -> float:
-        """Time from the first to the last knot [s]."""
-        return float(self.times[-1] - self.times[0])
 
     def at(self, t: ArrayLike) -> Array:
         """Return states (k, 4 n) at times (k,) [s]: q, q', and their momenta p and r.
@@ -81,34 +73,22 @@ class RiemannianSpline(ShortRepr):
         Raises:
             ValueError: a time before the first or after the last knot.
         """
-        instants = real_array(t, "t").reshape(-1)
-        first, last = self.times[[0, -1]]
-        slack = 1e-9 * self.duration
-        if not np.all((instants >= first - slack) & (instants <= last + slack)):
-            raise ValueError(f"t must be from {first:.6g} to {last:.6g}")
+        instants = self.checked(t)
         segment = np.searchsorted(self.times[1:-1], instants, "right")
-        found = np.empty((len(instants), self.states.shape[1]))
+        found = np.empty((len(instants), self.starts.shape[1]))
         for k in np.unique(segment):
             rows = np.flatnonzero(segment == k)
             since = np.maximum(instants[rows] - self.times[k], 0.0)
             local, row = np.unique(np.append(0.0, since), return_inverse=True)
-            found[rows] = _integrated(self.metric, self.states[k], local)[row[1:]]
+            found[rows] = _integrated(self.metric, self.starts[k], local)[row[1:]]
         return found
 
-    def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Return positions (order 0), velocities (1) or accelerations (2) at t, (n,) or (k, n).
-
-        Raises:
-            ValueError: another order, or a time before the first or after the last knot.
-        """
-        if order not in (0, 1, 2):
-            raise ValueError(f"order must be 0, 1 or 2, got {order!r}")
-        n, states = self.metric.dim, self.at(t)
-        if order < 2:
-            values = states[:, order * n : (order + 1) * n]
-        else:
-            values = _rates(self.metric, states)[:, n : 2 * n]
-        return values[0] if np.ndim(t) == 0 else values
+    def states(self, t: Array, order: int) -> Array:
+        """Return derivatives of this order at times (k,) within the motion, (k, n)."""
+        n, found = self.metric.dim, self.at(t)
+        if order == 2:
+            found, order = _rates(self.metric, found), 1
+        return found[:, order * n : (order + 1) * n]
 
     def torques(self, t: ArrayLike) -> Array:
         """Return the generalised forces without gravity, G D_t q', (n,) or (k, n) [N m or N]."""
@@ -134,27 +114,6 @@ class RiemannianSpline(ShortRepr):
         """
         equation = cubic_equation(self.metric)
         return np.array([equation(state).full()[:, 0] for state in self.at(t)])
-
-    def to_motion(self, rate: float = 100.0) -> Motion:
-        """Return the motion sampled at a rate [Hz], rounded so that both ends are samples."""
-        time = self._sampled(rate)
-        return Motion(time, self(time), self._names)
-
-    def to_trajectory(self, rate: float = 100.0) -> JointTrajectory:
-        """Return positions, velocities and accelerations sampled at a rate [Hz], for a robot."""
-        time = self._sampled(rate)
-        positions, velocities, accelerations = (self(time, order) for order in range(3))
-        since = time - time[0]
-        return JointTrajectory(since, positions, velocities, accelerations, self._names)
-
-    def _sampled(self, rate: float) -> Array:
-        steps = max(1, round(self.duration * as_positive("rate", rate, "Hz")))
-        return np.linspace(self.times[0], self.times[-1], steps + 1)
-
-    @property
-    def _names(self) -> tuple[str, ...]:
-        names = self.metric.joint_names
-        return tuple(names) if names else tuple(f"q{i}" for i in range(self.metric.dim))
 
 
 def cubic_equation(metric: Metric) -> ca.Function:

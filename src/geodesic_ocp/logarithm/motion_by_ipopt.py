@@ -9,7 +9,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.motion_kernels import DiscreteMotion, SegmentBasis, second_order
-from geodesic_ocp.ocp.motion_program import knots_of, state_matrix, variables
+from geodesic_ocp.ocp.motion_program import instants, knots_of, state_matrix, variables
 
 
 def find_by_ipopt(
@@ -27,7 +27,8 @@ def find_by_ipopt(
     terms = Terms(point, None, second_order(metric).functions["motion_cost"](point))
 
     def program(durations: Array) -> BlockProgram:
-        matrix = state_matrix(basis, durations, n, s)
+        times = np.append(0.0, np.cumsum(durations))
+        matrix = state_matrix(basis, times, n, instants(times, s))
         at_points = np.outer(durations, weights).ravel()
         return BlockProgram(matrix.shape[1], [Block(terms, matrix, weights=at_points)])
 

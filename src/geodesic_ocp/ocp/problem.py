@@ -91,15 +91,15 @@ def parse_conditions(problem: Any) -> Conditions:
     at_ends = (q0, q1, v0, v1) if _takes_velocities(problem) else (q0, q1)
     equality, inequality = parameters.equality, parameters.inequality
 
-    entries = _listed("boundary", symbolic.boundary(*at_ends))
+    entries = listed("boundary", symbolic.boundary(*at_ends))
     boundary = [equality(*entry, ca.vertcat(q0, q1)) for entry in entries]
-    entries = _listed("constraints", symbolic.constraints(q, v))
+    entries = listed("constraints", symbolic.constraints(q, v))
     along = [inequality(*entry, ca.vertcat(q, v)) for entry in entries]
     via = []
-    for label, at_one in _listed("via", symbolic.via(q)):
+    for label, at_one in listed("via", symbolic.via(q)):
         if not isinstance(at_one, Sequence) or not len(at_one):
             raise ValueError(f"{label} must be a list of equalities, got {at_one!r}")
-        via.append(tuple(equality(*entry, ca.SX(0, 1)) for entry in _listed(label, at_one)))
+        via.append(tuple(equality(*entry, ca.SX(0, 1)) for entry in listed(label, at_one)))
     continuity = []
     if problem.continuous_velocity_at_via:
         for number in range(len(via)):
@@ -194,7 +194,7 @@ def _has_symbols(limit: Any) -> bool:
 def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
     """Return the problem with symbols in place of its parameters, and these symbols."""
     if not problem.parameters:
-        return problem, _Parameters(ca.SX(0, 1), np.zeros(0))
+        return problem, NUMBERS
     symbolic, symbols, numbers = copy.copy(problem), [], []
     for name in problem.parameters:
         try:
@@ -211,7 +211,7 @@ def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
     return symbolic, _Parameters(ca.vertcat(*symbols), np.concatenate(numbers))
 
 
-def _listed(what: str, entries: Any) -> list[tuple[str, Any]]:
+def listed(what: str, entries: Any) -> list[tuple[str, Any]]:
     """Return entries with labels such as "boundary[0]"."""
     if not isinstance(entries, (list, tuple)):
         raise ValueError(f"{what} must give a list of conditions, got {entries!r}")
@@ -243,6 +243,8 @@ def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:
         index.append(known[entry.element_hash()])
     return tuple(index)
 
+
+NUMBERS = _Parameters(ca.SX(0, 1), np.zeros(0))  # entries without parameters
 
 # (expression, value) or (expression, value, name)
 Equality: TypeAlias = tuple[Any, Any] | tuple[Any, Any, str]

@@ -1,0 +1,366 @@
+"""Motions of least cost as classes: a running cost in q, q', q'', torque and time.
+
+The default cost is that of Riemannian cubics, int |D_t q'|^2_G / 2 dt = int tau' G^-1 tau / 2 dt.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, real_array
+from geodesic_ocp.blocks import Block, BlockProgram, Terms, in_rounds
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.manifold.motion_kernels import SegmentBasis
+from geodesic_ocp.model.primitives import Obstacle
+from geodesic_ocp.ocp.conditions import Condition, stacked
+from geodesic_ocp.ocp.motion_program import bisected, instants, knots_of, state_matrix, variables
+from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, listed
+from geodesic_ocp.trajectory.timed_motion import TimedMotion
+
+_BASIS = SegmentBasis(4, 9)
+_SEGMENTS = 4  # of the first program, at least
+_ROUNDS, _BISECTIONS = 12, 5
+_SAMPLES = 12  # of a segment, at which constraints are examined
+_VIOLATION = 1e-4  # of a constraint between the points, in its unit
+_CHANGE = 1e-4  # of the cost from one round to the next, relative
+_IPOPT = {"tol": 1e-9, "max_iter": 500}
+_NEAR = {"mu_init": 1e-6, "bound_push": 1e-6, "bound_frac": 1e-6}
+
+
+class MotionProblem(ABC):
+    """A motion q(t), t in [0, duration], of least int cost dt under conditions.
+
+    A subclass, usually a frozen dataclass whose fields all have defaults, defines `metric`,
+    `duration` and `boundary`, and if needed `cost`, `torque`, `constraints`, `via` and `guess`.
+    Expressions are built from CasADi SX symbols.
+
+    Attributes:
+        metric: metric of the manifold.
+        duration: duration of the motion [s].
+        obstacles: stationary obstacles that `go.show` draws; no condition by themselves.
+    """
+
+    metric: Metric
+    duration: float
+    obstacles: Sequence[Obstacle] = ()
+
+    @abstractmethod
+    def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Equality]:
+        """Return equalities (expression, value[, name]) in positions and velocities at both ends.
+
+        What they leave free is optimal.
+        """
+
+    def cost(self, t: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Any:
+        """Return the running cost: by default tau' G(q)^-1 tau / 2, tau the `torque`."""
+        return ca.dot(torque, ca.solve(self.metric.matrix(q), torque)) / 2.0
+
+    def torque(self, q: ca.SX, v: ca.SX, a: ca.SX) -> Any:
+        """Return the generalised force of the motion: by default G a + Gamma(v, v), no gravity.
+
+        With gravity it is `model.inverse_dynamics(q, v, a)`.
+        """
+        return self.metric.matrix(q) @ a + self.metric._christoffel_force(q, v, v)
+
+    def constraints(
+        self, t: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX
+    ) -> Sequence[Inequality]:
+        """Return bounds (lower, expression, upper[, name]) along the motion."""
+        return ()
+
+    def via(self, q: ca.SX, v: ca.SX) -> Sequence[tuple[float, Sequence[Equality]]]:
+        """Return times between 0 and duration [s], increasing, each with its equalities."""
+        return ()
+
+    def guess(self, t: Array) -> Array | None:
+        """Return positions (len(t), n) to start from; None: a cubic spline through what is known.
+
+        Coordinates that no condition determines stay at those of the nearest end, or zero.
+        """
+        return None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionSolution(TimedMotion, ShortRepr):
+    """A motion of polynomials in time, a solution of a `MotionProblem` or its last iterate.
+
+    Attributes:
+        problem: what was solved.
+        times: of the knots (k + 1,) [s].
+        knots: positions and velocities (k + 1, 2 n).
+        coefficients: of the segments' other polynomials (k, bubbles, n).
+        success: whether the motion is a local solution and all conditions hold.
+        status: how the solver stopped, a sentence.
+        cost: int cost dt.
+        violation: largest violation of a condition, in its unit, and the condition's name.
+        costs: of the rounds of the refinement.
+        seconds, iterations: of Ipopt, in all rounds.
+    """
+
+    problem: MotionProblem
+    times: Array
+    knots: Array
+    coefficients: Array
+    success: bool
+    status: str
+    cost: float
+    violation: tuple[float, str]
+    costs: tuple[float, ...]
+    seconds: float
+    iterations: int
+
+    _shown = ("status", "cost", "duration", "iterations", "seconds")
+
+    @property
+    def metric(self) -> Metric:  # type: ignore[override]
+        """Metric of the problem."""
+        return self.problem.metric
+
+    def states(self, t: Array, order: int) -> Array:
+        """Return derivatives of this order at times (k,) within the motion, (k, n)."""
+        segment = np.searchsorted(self.times[1:-1], t, "right")
+        n, durations = self.metric.dim, np.diff(self.times)
+        q, v = self.knots[:, :n], self.knots[:, n:]
+        result = np.empty((len(t), n))
+        for k in np.unique(segment):
+            rows, T = segment == k, durations[k]
+            values = _BASIS.values((t[rows] - self.times[k]) / T, order) / T**order
+            ends = np.stack([q[k], T * v[k], q[k + 1], T * v[k + 1]])
+            result[rows] = values.T @ np.vstack([ends, self.coefficients[k]])
+        return result
+
+    def torques(self, t: ArrayLike) -> Array:
+        """Return the problem's torques at times (k,), (k, n) [N m or N]."""
+        parsed = _Parsed.of(self.problem)
+        instants = self.checked(t)
+        states = np.hstack([self.states(instants, order) for order in range(3)])
+        return np.asarray(ca.Function("torque", [parsed.state], [parsed.torque])(states.T).full().T)
+
+
+@dataclass(frozen=True, eq=False)
+class _Parsed:
+    """The expressions of a problem, in the states (q, v, a) and time or in both ends."""
+
+    problem: MotionProblem
+    metric: Metric
+    duration: float
+    state: ca.SX
+    time: ca.SX
+    at_ends: ca.SX
+    cost: ca.SX
+    torque: ca.SX
+    ends: tuple[Condition, ...]
+    along: tuple[Condition, ...]
+    via_times: Array
+    via: tuple[tuple[Condition, ...], ...]
+
+    @classmethod
+    def of(cls, problem: MotionProblem) -> _Parsed:
+        """Call each method of the problem once; ValueError where the problem is malformed."""
+        metric = as_metric(problem.metric)
+        duration = as_positive("duration", problem.duration, "s")
+        names = ("q", "v", "a", "q0", "v0", "q1", "v1")
+        q, v, a, q0, v0, q1, v1 = (ca.SX.sym(name, metric.dim) for name in names)
+        t, state, at_ends = ca.SX.sym("t"), ca.vertcat(q, v, a), ca.vertcat(q0, v0, q1, v1)
+        torque = ca.SX(problem.torque(q, v, a))
+        cost = ca.SX(problem.cost(t, q, v, a, torque))
+        if cost.shape != (1, 1):
+            raise ValueError(f"cost must be a scalar, got shape {cost.shape}")
+
+        def equalities(label: str, entries: Any, symbols: ca.SX) -> tuple[Condition, ...]:
+            return tuple(NUMBERS.equality(*each, symbols) for each in listed(label, entries))
+
+        along = listed("constraints", problem.constraints(t, q, v, a, torque))
+        via = [(*each, label) for label, each in listed("via", problem.via(q, v))]
+        times = np.array([as_number(f"{label}: its time", at) for at, _, label in via])
+        if not np.all(np.diff(np.concatenate([[0.0], times, [duration]])) > 0.0):
+            raise ValueError(
+                f"via: times must increase between 0 and {duration:.6g} s, got "
+                f"{', '.join(f'{at:.6g}' for at in times)}"
+            )
+        return cls(
+            *(problem, metric, duration, state, t, at_ends, cost, torque),
+            ends=equalities("boundary", problem.boundary(q0, q1, v0, v1), at_ends),
+            along=tuple(NUMBERS.inequality(*each, state) for each in along),
+            via_times=times,
+            via=tuple(equalities(label, entries, state) for _, entries, label in via),
+        )
+
+    def first_guess(self) -> _Motion:
+        """Return the spline through the known coordinates, or the problem's own guess."""
+        n, edges = self.metric.dim, np.array([0.0, *self.via_times, self.duration])
+        count = max(1, -(-_SEGMENTS // (len(edges) - 1)))
+        parts = [np.linspace(a, b, count, endpoint=False) for a, b in pairwise(edges)]
+        times = np.append(np.concatenate(parts), self.duration)
+        known = np.full((len(edges), 2, n), np.nan)  # positions and velocities
+        ends = known[[0, -1]].ravel()
+        for condition in self.ends:
+            _fill(ends, condition)
+        known[[0, -1]] = ends.reshape(2, 2, n)
+        for row, conditions in zip(known[1:-1], self.via, strict=True):
+            flat = row.ravel()
+            for condition in conditions:
+                _fill(flat, condition)
+            row[:] = flat.reshape(2, n)
+        own = self.problem.guess(times)
+        if own is not None and np.shape(own) != (len(times), n):
+            raise ValueError(f"guess must have shape ({len(times)}, {n}), got {np.shape(own)}")
+        points = _completed(edges, known[:, 0]) if own is None else real_array(own, "guess")
+        clamped = tuple(
+            (2, np.zeros(n)) if np.isnan(v).any() else (1, v) for v in known[[0, -1], 1]
+        )
+        spline = CubicSpline(edges if own is None else times, points, bc_type=clamped)
+        knots = np.hstack([spline(times), spline(times, 1)])
+        return _Motion(times, knots, np.zeros((len(times) - 1, _BASIS.bubbles, n)), np.zeros(0))
+
+    def program(self, times: Array, more: Array) -> BlockProgram:
+        """Return the program of motions with knots at these times.
+
+        Its constraints hold at some instants of every segment, and at more of them.
+        """
+        n, durations = self.metric.dim, np.diff(times)
+        s, weights = _BASIS.rule
+        at = instants(times, s)
+        size = (len(durations) * (2 + _BASIS.bubbles) + 2) * n
+        running = Terms(self.state, self.time, self.cost)
+        each = np.outer(durations, weights).ravel()
+        blocks = [Block(running, state_matrix(_BASIS, times, n, at), at[:, None], weights=each)]
+        if self.along:
+            at = np.unique(np.concatenate([at, times, more]))
+            terms = Terms(self.state, self.time, 0.0, stacked(self.along))
+            places = state_matrix(_BASIS, times, n, at)
+            blocks.append(Block(terms, places, at[:, None], *_bounds(self.along, at.size)))
+        knots = [0, *(int(np.argmin(np.abs(times - at))) for at in self.via_times), len(durations)]
+        first = (2 + _BASIS.bubbles) * n * np.array(knots)
+        places = first[:, None] + np.arange(2 * n)
+        at_knots = [(self.at_ends, self.ends, places[[0, -1]].reshape(1, -1))]
+        inner = zip(self.via, places[1:-1], strict=True)
+        at_knots += [(self.state[: 2 * n], each, place[None, :]) for each, place in inner]
+        for symbols, conditions, place in at_knots:
+            if conditions:
+                terms = Terms(symbols, None, 0.0, stacked(conditions))
+                blocks.append(Block(terms, place, None, *_bounds(conditions, 1)))
+        return BlockProgram(size, blocks)
+
+    def violations(self, motion: MotionSolution) -> tuple[tuple[float, str], Array]:
+        """Return the largest violation between the instants of the program, with its condition,
+        and the times of all that are larger than what is allowed.
+        """
+        t = np.unique(instants(motion.times, np.linspace(0.0, 1.0, _SAMPLES + 1)))
+        states = np.hstack([motion.states(t, order) for order in range(3)])
+        worst, where = (0.0, ""), [np.zeros(0)]
+        for condition in self.along:
+            function = ca.Function("g", [self.state, self.time], [condition.expression])
+            found = function(states.T, t[None, :]).full().T
+            excess = np.maximum(condition.lower - found, found - condition.upper).max(axis=1)
+            worst = max(worst, (float(excess.max()), condition.name))
+            where.append(t[excess > _VIOLATION])
+        return worst, np.unique(np.concatenate(where))
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Knots at times, the segments' coefficients, and more times at which constraints hold."""
+
+    times: Array
+    knots: Array
+    coefficients: Array
+    more: Array
+
+
+def _bounds(conditions: Sequence[Condition], count: int) -> tuple[Array, Array]:
+    lower, upper = ([getattr(c, side) for c in conditions] for side in ("lower", "upper"))
+    return np.tile(np.concatenate(lower), (count, 1)), np.tile(np.concatenate(upper), (count, 1))
+
+
+def _fill(values: Array, condition: Condition) -> None:
+    """Enter the values of bare coordinates."""
+    if condition.coordinates is not None:
+        values[list(condition.coordinates)] = condition.lower
+
+
+def _completed(times: Array, points: Array) -> Array:
+    """Return points (k, n) with linear interpolation where they are NaN; zero if all are."""
+    result = np.zeros_like(points)
+    for column, values in enumerate(points.T):
+        if np.any(there := np.isfinite(values)):
+            result[:, column] = np.interp(times, times[there], values[there])
+    return result
+
+
+def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolution:
+    """Return the motion of least cost, a local solution.
+
+    The number of segments is doubled until the cost changes by less than 1e-4, relative, and the
+    constraints hold between the points of the program to 1e-4, each in its unit.
+
+    Args:
+        problem: an instance of a subclass of MotionProblem.
+        throw: raise NotConverged if there is no solution; else return the last iterate, with
+            `success` False.
+
+    Raises:
+        ValueError: the problem is malformed.
+        NotConverged: Ipopt found no solution, or a constraint is violated between the points.
+    """
+    parsed = _Parsed.of(problem)
+    costs: list[float] = []
+    seconds, iterations = 0.0, 0
+
+    def solved(start: _Motion) -> tuple[MotionSolution, Array]:
+        nonlocal seconds, iterations
+        x = variables(start.knots, start.coefficients)
+        program = parsed.program(start.times, start.more)
+        free = np.full(x.size, np.inf)
+        # In the unit of the guess, Ipopt's tolerance is relative.
+        unit = abs(float(program.functions["nlp"](x, [])[0]))
+        options = {**_IPOPT, "obj_scaling_factor": 1.0 / unit if 0.0 < unit < np.inf else 1.0}
+        outcome = program.solve(x, (-free, free), options | (_NEAR if costs else {}))
+        costs.append(outcome.objective)
+        seconds, iterations = seconds + outcome.seconds, iterations + outcome.iterations
+        motion = MotionSolution(
+            *(problem, start.times, *knots_of(outcome.x, _BASIS, parsed.metric.dim)),
+            success=outcome.success,
+            status=outcome.status,
+            cost=outcome.objective,
+            violation=(0.0, ""),
+            costs=tuple(costs),
+            seconds=seconds,
+            iterations=iterations,
+        )
+        return motion, start.more
+
+    def examined(
+        number: int, result: tuple[MotionSolution, Array]
+    ) -> tuple[tuple[MotionSolution, Array], _Motion | None]:
+        motion, more = result
+        (amount, name), where = parsed.violations(motion)
+        motion = replace(motion, violation=(amount, name))
+        following = motion.times, motion.knots, motion.coefficients
+        if not motion.success:
+            return (motion, more), None
+        change = abs(costs[-1] - costs[-2]) if number else np.inf
+        is_settled = change <= _CHANGE * abs(costs[-1]) or number >= _BISECTIONS
+        if amount <= _VIOLATION and is_settled:
+            return (motion, more), None
+        if number == _ROUNDS - 1:
+            status = f"{name} is violated by {amount:.1e} between the instants of the program"
+            return (replace(motion, success=False, status=status), more), None
+        if not is_settled:
+            following = bisected(_BASIS, *following)
+        return (motion, more), _Motion(*following, np.union1d(more, where))
+
+    found, _ = in_rounds(parsed.first_guess(), solved, examined, _ROUNDS)
+    if throw and not found.success:
+        raise NotConverged(f"{type(problem).__name__} was not solved: {found.status}", found)
+    return found
