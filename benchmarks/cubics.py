@@ -68,7 +68,12 @@ def by_bvp(metric: go.Metric, q0, v0, q1, v1, duration) -> tuple[float, bool]:
     line = BPoly.from_derivatives([0.0, duration], [[q0, v0], [q1, v1]])
     tensor = metric.matrix(q0)
     guess = np.vstack(
-        [line(t).T, line.derivative(1)(t).T, -tensor @ line.derivative(3)(t).T, tensor @ line.derivative(2)(t).T]
+        [
+            line(t).T,
+            line.derivative(1)(t).T,
+            -tensor @ line.derivative(3)(t).T,
+            tensor @ line.derivative(2)(t).T,
+        ]
     )
     start = time.perf_counter()
     found = solve_bvp(slopes, ends, t, guess, tol=1e-6, max_nodes=2000)
@@ -102,7 +107,9 @@ def main() -> int:
     print(f"cubics of a human arm: {options.count - missing} of {options.count} found")
     print("ms: median {:.2f}, p90 {:.2f}, p99 {:.2f}, largest {:.1f}".format(*percentiles))
     largest = np.percentile(errors, [50, 99, 100])
-    print("SciPy's end point differs by: median {:.1e}, p99 {:.1e}, largest {:.1e}".format(*largest))
+    print(
+        "SciPy's end point differs by: median {:.1e}, p99 {:.1e}, largest {:.1e}".format(*largest)
+    )
     if options.bvp:
         results = np.array([by_bvp(metric, *each) for each in pairs[: options.bvp]])
         print(

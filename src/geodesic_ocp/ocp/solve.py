@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, overload
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, IterationCallback
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
+from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, Structure, build_nlp
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import (
@@ -52,6 +53,9 @@ _WARM_START = {
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 
 
+@overload
+def solve(problem: MotionProblem, *, throw: bool = True) -> MotionSolution: ...
+@overload
 def solve(
     problem: Problem,
     *,
@@ -61,7 +65,17 @@ def solve(
     throw: bool = True,
     callback: Callback | None = None,
     ipopt: Mapping[str, Any] | None = None,
-) -> Solution:
+) -> Solution: ...
+def solve(
+    problem: Problem | MotionProblem,
+    *,
+    grid: Grid | None = None,
+    guess: Path | Solution | None = None,
+    tolerance: float | None = None,
+    throw: bool = True,
+    callback: Callback | None = None,
+    ipopt: Mapping[str, Any] | None = None,
+) -> Solution | MotionSolution:
     """Return the path of least energy under the problem's conditions, a local solution.
 
     A saddle point, as from a symmetric guess, is left in a direction in which the energy decreases;
@@ -70,7 +84,8 @@ def solve(
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
     Args:
-        problem: an instance of a subclass of Problem.
+        problem: an instance of a subclass of Problem, or of MotionProblem: see
+            `geodesic_ocp.ocp.motion_problem.solve_motion`.
         grid: grid of the nodes; the solution has this grid. None: the problem's own, refined where
             conditions are violated between the nodes by more than 1e-4, each in its unit.
         guess: path or solution to start from, on any grid; by default the problem's guess, or the
@@ -101,17 +116,21 @@ def solve(
         >>> problem.model.hand_pose(solution.path(1.0))[1].round(6).tolist()
         [0.1, 0.45, -0.05]
     """
+    options: dict[str, object] = {"grid": grid, "guess": guess, "tolerance": tolerance}
+    options |= {"callback": callback, "ipopt": ipopt}
+    given = [name for name, value in options.items() if value is not None]
+    if isinstance(problem, MotionProblem):
+        if given:
+            raise ValueError(f"motions are solved without {', '.join(given)}")
+        return solve_motion(problem, throw=throw)
     if not isinstance(problem, Problem):
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
         raise ValueError(f"{type(problem).__name__} defines no metric")
     if type(problem).solved is not Problem.solved:
-        given: dict[str, object] = {"grid": grid, "guess": guess, "tolerance": tolerance}
-        given |= {"callback": callback, "ipopt": ipopt}
-        for name, value in given.items():
-            if value is not None:
-                kind = type(problem).__name__
-                raise ValueError(f"{kind} is solved by a program of its own, without {name}")
+        if given:
+            kind = type(problem).__name__
+            raise ValueError(f"{kind} is solved by a program of its own, without {given[0]}")
         own = problem.solved()
         if throw and not own.success:
             raise NotConverged(f"{type(problem).__name__} was not solved: {own.status}", own)

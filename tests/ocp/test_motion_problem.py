@@ -1,0 +1,139 @@
+"""Motions of least cost under conditions: known optima, limits, via points, failures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import geodesic_ocp as go
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.manifold.metrics import default_joint_inertia
+from geodesic_ocp.ocp.motion_problem import MotionProblem
+
+ARM = go.human_arm()
+HUMAN = go.KineticEnergy(ARM.with_armature(default_joint_inertia(ARM)))
+Q0, Q1 = (0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0), (0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1)
+
+
+@dataclass(frozen=True)
+class FromRestToRest(MotionProblem):
+    """Between two configurations at rest."""
+
+    metric: go.Metric = field(default_factory=lambda: go.Euclidean(1))
+    duration: float = 1.0
+    start: Sequence[float] = (0.0,)
+    goal: Sequence[float] = (1.0,)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
+        return [(q0, self.start), (q1, self.goal), (v0, 0.0), (v1, 0.0)]
+
+
+def test_the_default_cost_gives_riemannian_cubics() -> None:
+    found = go.solve(FromRestToRest(HUMAN, 0.5, Q0, Q1))
+    expected = go.cubic(HUMAN, Q0, np.zeros(7), Q1, np.zeros(7), 0.5)
+    t = np.linspace(0.0, 0.5, 21)
+    assert found.cost == pytest.approx(expected.action, rel=1e-7)
+    np.testing.assert_allclose(found(t), expected(t), atol=1e-5)
+    np.testing.assert_allclose(found.torques(t), expected.torques(t), atol=2e-3 * found.cost)
+
+
+def test_free_velocities_and_via_points_give_the_spline() -> None:
+    times, points = (0.0, 0.3, 0.8), ((0.0, 0.5), (0.4, 0.2), (1.0, 0.9))
+
+    class Through(MotionProblem):
+        metric, duration = go.Euclidean(2), times[-1]
+
+        def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
+            return [(q0, points[0]), (q1, points[2])]
+
+        def via(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [(times[1], [(q, points[1])])]
+
+    found = go.solve(Through())
+    t = np.linspace(0.0, 0.8, 17)
+    expected = CubicSpline(times, points, bc_type="natural")
+    np.testing.assert_allclose(found(t), expected(t), atol=1e-7)
+
+
+class SpeedLimited(FromRestToRest):
+    def constraints(self, t: Any, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Sequence[Any]:
+        return [(-1.2, v, 1.2, "speed")]
+
+
+def test_limits_hold_between_the_points_of_the_program() -> None:
+    """Bryson and Ho's double integrator with a limit on speed: parabolas of speed, then the limit.
+
+    v rises to V within t1 as V (1 - (1 - t / t1)^2), so that 1 = V (1 - 2 t1 / 3).
+    """
+    found = go.solve(SpeedLimited())
+    t1 = 1.5 * (1.0 - 1.0 / 1.2)
+    t = np.linspace(0.0, 1.0, 1001)
+    speed = found(t, 1)[:, 0]
+    assert speed.max() < 1.2 + 2e-4
+    expected = 1.2 * (1.0 - np.maximum(0.0, 1.0 - np.minimum(t, 1.0 - t) / t1) ** 2)
+    np.testing.assert_allclose(speed, expected, atol=5e-3)
+    acceleration = 2.0 * 1.2 / t1
+    assert found.cost == pytest.approx(acceleration**2 * t1 / 3.0, rel=1e-3)
+
+
+def test_gravity_enters_by_the_torque() -> None:
+    """Without time to use the arm's weight, holding it still costs int |g(q)|^2 dt."""
+
+    class Hold(FromRestToRest):
+        def torque(self, q: ca.SX, v: ca.SX, a: ca.SX) -> Any:
+            return ARM.inverse_dynamics(q, v, a)
+
+        def cost(self, t: Any, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Any:
+            return ca.dot(torque, torque)
+
+    found = go.solve(Hold(HUMAN, 0.05, Q0, Q0))
+    weight = ARM.inverse_dynamics(Q0, np.zeros(7), np.zeros(7))
+    assert found.cost == pytest.approx(0.05 * float(weight @ weight), rel=0.02)
+    assert found.cost < 0.05 * float(weight @ weight)
+
+
+def test_a_failure_carries_the_last_iterate() -> None:
+    class Impossible(FromRestToRest):
+        def constraints(self, t: Any, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Sequence[Any]:
+            return [(-0.5, v, 0.5, "speed")]
+
+    with pytest.raises(go.NotConverged, match="Impossible was not solved") as caught:
+        go.solve(Impossible())
+    assert caught.value.solution.times[-1] == 1.0
+    assert not go.solve(Impossible(), throw=False).success
+
+
+class WithVia(FromRestToRest):
+    times: Array | tuple[float, ...] = (0.5,)
+
+    def via(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(at, [(q, 0.5)]) for at in self.times]
+
+
+@pytest.mark.parametrize(
+    ("problem", "message"),
+    [
+        (FromRestToRest(duration=0.0), "duration must be positive"),
+        (FromRestToRest(start=(0.0, 1.0)), "a bound must be one number or 1"),
+        (type("Late", (WithVia,), {"times": (1.5,)})(), "times must increase between 0 and 1 s"),
+        (type("Odd", (FromRestToRest,), {"cost": lambda *_: [1, 2]})(), "cost must be a scalar"),
+        (
+            type("Guess", (FromRestToRest,), {"guess": lambda _, t: np.zeros(3)})(),
+            r"guess must have shape \(5, 1\)",
+        ),
+    ],
+)
+def test_malformed_problems_are_named(problem: MotionProblem, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.solve(problem)
+
+
+def test_options_of_paths_are_refused() -> None:
+    with pytest.raises(ValueError, match="motions are solved without grid"):
+        go.solve(FromRestToRest(), grid=go.Grid(4, 4))
