@@ -67,14 +67,8 @@ def by_bvp(metric: go.Metric, q0, v0, q1, v1, duration) -> tuple[float, bool]:
     t = np.linspace(0.0, duration, 11)
     line = BPoly.from_derivatives([0.0, duration], [[q0, v0], [q1, v1]])
     tensor = metric.matrix(q0)
-    guess = np.vstack(
-        [
-            line(t).T,
-            line.derivative(1)(t).T,
-            -tensor @ line.derivative(3)(t).T,
-            tensor @ line.derivative(2)(t).T,
-        ]
-    )
+    q, v, a, j = (line.derivative(k)(t).T if k else line(t).T for k in range(4))
+    guess = np.vstack([q, v, -tensor @ j, tensor @ a])
     start = time.perf_counter()
     found = solve_bvp(slopes, ends, t, guess, tol=1e-6, max_nodes=2000)
     return time.perf_counter() - start, bool(found.success)
@@ -107,9 +101,7 @@ def main() -> int:
     print(f"cubics of a human arm: {options.count - missing} of {options.count} found")
     print("ms: median {:.2f}, p90 {:.2f}, p99 {:.2f}, largest {:.1f}".format(*percentiles))
     largest = np.percentile(errors, [50, 99, 100])
-    print(
-        "SciPy's end point differs by: median {:.1e}, p99 {:.1e}, largest {:.1e}".format(*largest)
-    )
+    print("difference from SciPy: median {:.1e}, p99 {:.1e}, largest {:.1e}".format(*largest))
     if options.bvp:
         results = np.array([by_bvp(metric, *each) for each in pairs[: options.bvp]])
         print(

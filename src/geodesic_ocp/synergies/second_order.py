@@ -1,0 +1,83 @@
+"""Second-order predictions of a recorded motion: Riemannian cubics and splines, cubic splines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.logarithm.cubics import cubic, spline
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.synergies.segment import observed_velocity
+from geodesic_ocp.synergies.synergy import as_segments
+from geodesic_ocp.trajectory.motion import Motion
+
+
+def riemannian_cubics(
+    metric: Metric, motion: Motion, segments: Sequence[tuple[int, int]]
+) -> Motion:
+    """Return the Riemannian cubic on every segment, between observed configurations and velocities.
+
+    It minimizes int |D_t q'|^2_G dt, of which `minimum_acceleration` is the case of a constant
+    metric, and receives what that receives.
+
+    Args:
+        metric: metric of the manifold.
+        motion: observed, with velocities.
+        segments: (start, stop) sample indices, each starting where the one before stopped, from
+            the first sample to the last.
+
+    Returns:
+        The predicted motion at the recording's own times, with velocities.
+
+    Raises:
+        ValueError: the segments do not cover the motion, or there are no velocities.
+        NotConverged: no cubic was found.
+    """
+    velocity = observed_velocity(motion)
+    q, v = np.array(motion.q), np.array(velocity)
+    for start, stop in as_segments(motion, segments):
+        t = motion.time[start : stop + 1] - motion.time[start]
+        part = cubic(
+            metric, motion.q[start], velocity[start], motion.q[stop], velocity[stop], t[-1]
+        )
+        q[start : stop + 1], v[start : stop + 1] = part(t), part(t, 1)
+    return _like(motion, q, v)
+
+
+def riemannian_spline(
+    metric: Metric, motion: Motion, segments: Sequence[tuple[int, int]]
+) -> Motion:
+    """Return the Riemannian spline through the observed configurations at the segments' ends.
+
+    It also receives the velocities at the first and the last sample; velocities in between are
+    optimal. See `riemannian_cubics`.
+    """
+    time, q, velocities = _knots(motion, segments)
+    found = spline(metric, time, q, v0=velocities[0], v1=velocities[1])
+    return _like(motion, found(motion.time), found(motion.time, 1))
+
+
+def cubic_spline(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
+    """Return the cubic spline of every joint through the configurations at the segments' ends.
+
+    It minimizes int |q''|^2 dt and receives what `riemannian_spline` receives.
+    """
+    time, q, velocities = _knots(motion, segments)
+    found = CubicSpline(time, q, bc_type=((1, velocities[0]), (1, velocities[1])))
+    return _like(motion, found(motion.time), found(motion.time, 1))
+
+
+def _knots(
+    motion: Motion, segments: Sequence[tuple[int, int]]
+) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Return times and configurations at the segments' ends, and both end velocities."""
+    edges = [0, *(stop for _, stop in as_segments(motion, segments))]
+    velocity = observed_velocity(motion)
+    return motion.time[edges], motion.q[edges], (velocity[0], velocity[-1])
+
+
+def _like(motion: Motion, q: Array, velocity: Array) -> Motion:
+    return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)

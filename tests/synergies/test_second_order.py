@@ -1,0 +1,56 @@
+"""Riemannian cubics and splines as predictions of a recorded motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+from geodesic_ocp.manifold.metrics import default_joint_inertia
+from geodesic_ocp.synergies.second_order import cubic_spline, riemannian_cubics, riemannian_spline
+
+ARM = go.human_arm()
+HUMAN = go.KineticEnergy(ARM.with_armature(default_joint_inertia(ARM)))
+TIME = np.linspace(0.0, 1.0, 51)
+SEGMENTS = [(0, 20), (20, 35), (35, 50)]
+
+
+def wave() -> go.Motion:
+    phase = TIME[:, None] * np.linspace(1.0, 3.0, 7)
+    return go.Motion(TIME, np.sin(phase), ARM.joint_names, np.linspace(1.0, 3.0, 7) * np.cos(phase))
+
+
+def test_cubics_of_a_constant_metric_are_minimum_acceleration() -> None:
+    motion = wave()
+    predicted = riemannian_cubics(go.Euclidean(7), motion, SEGMENTS)
+    expected = go.baselines.minimum_acceleration(motion, SEGMENTS)
+    np.testing.assert_allclose(predicted.q, expected.q, atol=1e-12)
+    splines = riemannian_spline(go.Euclidean(7), motion, SEGMENTS), cubic_spline(motion, SEGMENTS)
+    np.testing.assert_allclose(splines[0].q, splines[1].q, atol=1e-12)
+    np.testing.assert_allclose(splines[0].velocity, splines[1].velocity, atol=1e-11)
+
+
+def test_predictions_meet_what_they_receive() -> None:
+    motion = wave()
+    edges = [0, 20, 35, 50]
+    cubics = riemannian_cubics(HUMAN, motion, SEGMENTS)
+    np.testing.assert_allclose(cubics.q[edges], motion.q[edges], atol=1e-8)
+    np.testing.assert_allclose(cubics.velocity[edges], motion.velocity[edges], atol=1e-8)
+    through = riemannian_spline(HUMAN, motion, SEGMENTS)
+    np.testing.assert_allclose(through.q[edges], motion.q[edges], atol=1e-8)
+    np.testing.assert_allclose(through.velocity[[0, -1]], motion.velocity[[0, -1]], atol=1e-8)
+
+
+def test_a_recorded_cubic_is_predicted_exactly() -> None:
+    q0, q1 = np.zeros(7), np.linspace(0.5, -0.3, 7)
+    recorded = go.cubic(HUMAN, q0, np.ones(7), q1, -np.ones(7), 0.8)
+    t = np.linspace(0.0, 0.8, 41)
+    motion = go.Motion(t, recorded(t), ARM.joint_names, recorded(t, 1))
+    np.testing.assert_allclose(riemannian_cubics(HUMAN, motion, [(0, 40)]).q, motion.q, atol=1e-8)
+    parts = riemannian_cubics(HUMAN, motion, [(0, 15), (15, 40)])
+    np.testing.assert_allclose(parts.q, motion.q, atol=1e-8)
+
+
+def test_segments_must_cover_the_motion() -> None:
+    with pytest.raises(ValueError, match="segments"):
+        riemannian_spline(HUMAN, wave(), SEGMENTS[:2])
