@@ -233,3 +233,24 @@ def test_bad_input_is_named(change: dict[str, Any], message: str) -> None:
         motion(1.5)
     with pytest.raises(ValueError, match="order must be 0, 1 or 2"):
         motion(0.5, 3)
+
+
+def test_certificates_tell_minima_from_other_stationary_motions() -> None:
+    rng = np.random.default_rng(7)
+    points = np.cumsum(rng.uniform(-0.3, 0.3, (3, 7)), axis=0)
+    found = go.spline(HUMAN, [0.0, 0.3, 0.7], points, v0=np.zeros(7)).certificate
+    assert found.locally_minimizing
+    assert found.residual < 1e-8
+    assert go.spline(go.Euclidean(7), [0.0, 0.3, 0.7], points).certificate.locally_minimizing
+    # A great circle beyond a conjugate point of its cubics: stationary, not minimizing.
+    sphere = Sphere()
+    equator = lambda t: np.column_stack([np.full_like(t, np.pi / 2.0), 9.0 * t])  # noqa: E731
+    tensor = sphere.matrix(equator(np.zeros(1))[0])
+    still = np.concatenate([equator(np.zeros(1))[0], [0.0, 9.0], np.zeros(4)])
+    around = cubics.RiemannianSpline(
+        *(sphere, np.array([0.0, 1.0]), still[None], np.array([np.pi / 2.0, 9.0, 0.0, 9.0])),
+        action=float(tensor[0, 0]),
+        error=0.0,
+        is_free=np.zeros((2, 4), dtype=bool),
+    )
+    assert around.certificate.stationary

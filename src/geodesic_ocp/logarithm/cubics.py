@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_vector, evaluate, real_array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.logarithm.motion_by_ipopt import find_by_ipopt
+from geodesic_ocp.logarithm.motion_by_ipopt import action_program, find_by_ipopt
 from geodesic_ocp.manifold.kernels import integrate_by_scipy, one_blas_thread
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.motion_kernels import (
@@ -24,7 +25,8 @@ from geodesic_ocp.manifold.motion_kernels import (
     motion_levels,
     second_order,
 )
-from geodesic_ocp.ocp.motion_program import bisected
+from geodesic_ocp.ocp.certificate import stationarity_and_index
+from geodesic_ocp.ocp.motion_program import bisected, instants, state_matrix, variables
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 Levels: TypeAlias = tuple[tuple[SegmentBasis, float], ...]
@@ -40,6 +42,7 @@ _DECREASE = 1e-11  # of the action, relative, by the last step
 _BISECTIONS = 5
 _HALVINGS, _SCALES = 2, 8  # segments, and steps of the continuation from small motions
 _MAX_STEPS = 5000
+_SAMPLES, _TINY = 50, 1e-300
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,6 +57,7 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         end: position and velocity at the last time (2 n).
         action: int |D_t q'|^2_G / 2 dt.
         error: largest difference of the integrated cubics from the knots [rad or m, and per s].
+        is_free: True for the components of the knots that were not given (k + 1, 2 n).
     """
 
     metric: Metric
@@ -62,6 +66,7 @@ class RiemannianSpline(TimedMotion, ShortRepr):
     end: Array
     action: float
     error: float
+    is_free: NDArray[np.bool_]
 
     _shown = ("duration", "action", "error")
 
@@ -114,6 +119,63 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         """
         equation = cubic_equation(self.metric)
         return np.array([equation(state).full()[:, 0] for state in self.at(t)])
+
+    @cached_property
+    def certificate(self) -> MotionCertificate:
+        """The accuracy of the motion, and whether it is locally minimizing; takes a moment."""
+        t = np.linspace(*self.times[[0, -1]], _SAMPLES)
+        a = _rates(self.metric, self.at(t))[:, self.metric.dim : 2 * self.metric.dim]
+        scale = np.abs(a).max() / np.diff(self.times).min() ** 2
+        residual = float(np.abs(self.residual(t)).max() / scale) if scale > 0.0 else 0.0
+        halves = (self.times[:-1] + self.times[1:]) / 2.0
+        times = np.sort(np.append(self.times, halves))
+        knots = np.hstack([self(times), self(times, 1)])
+        s = _FINE.rule[0]
+        inside = state_matrix(_FINE, times, 1, instants(times, s))[::3].toarray()
+        is_knot = (
+            variables(np.ones((len(times), 2)), np.zeros((len(times) - 1, _FINE.bubbles, 1))) > 0.0
+        )
+        x = np.zeros((is_knot.size, self.metric.dim))
+        x[is_knot] = knots.reshape(-1, self.metric.dim)
+        missing = self(instants(times, s)) - inside @ x
+        x[~is_knot] = np.linalg.lstsq(inside[:, ~is_knot], missing)[0]
+        free = np.ones((len(times), 2, self.metric.dim), dtype=bool)
+        free[::2] = self.is_free.reshape(-1, 2, self.metric.dim)
+        moves = np.ones(x.shape, dtype=bool)
+        moves[is_knot] = free.reshape(-1, self.metric.dim)
+        functions = action_program(self.metric, _FINE, np.diff(times)).functions
+        unit, index = max(self.action, _TINY), np.flatnonzero(moves)
+        gradient = functions["grad_f"](x.ravel(), [])[1].full()[index, 0] / unit
+        hessian = functions["hess_lag"](x.ravel(), [], 1.0 / unit, []).full()
+        hessian = (np.triu(hessian) + np.triu(hessian, 1).T)[np.ix_(index, index)]
+        stationary, negative = stationarity_and_index(gradient, hessian)
+        return MotionCertificate(self.error, residual, stationary, negative)
+
+
+@dataclass(frozen=True, repr=False)
+class MotionCertificate(ShortRepr):
+    """What was checked of a motion, independently of how it was found.
+
+    Attributes:
+        knot_error: largest difference of the integrated cubics from the knots [rad or m, per s].
+        residual: of D_t^3 q' + R(D_t q', q') q' = 0, relative to the largest acceleration over the
+            square of the shortest interval.
+        stationary: whether a Newton step on twice as many segments changes the action by less
+            than 1e-5 of it.
+        negative: number of negative eigenvalues of the second variation there.
+    """
+
+    knot_error: float
+    residual: float
+    stationary: bool
+    negative: int
+
+    _shown = ("knot_error", "residual", "stationary", "negative")
+
+    @property
+    def locally_minimizing(self) -> bool:
+        """True if the motion is stationary and its second variation is not negative anywhere."""
+        return self.stationary and self.negative == 0
 
 
 def cubic_equation(metric: Metric) -> ca.Function:
@@ -220,12 +282,13 @@ def _spline(
     named = ("v0", v0), ("v1", v1)
     velocities = [None if v is None else as_vector(name, v, metric.dim) for name, v in named]
     flat = _flat_spline(times, points, *velocities)
-    if metric.has_constant_tensor:
-        return _closed_form(metric, times, flat)
     is_free = np.repeat([[False, True]], len(times), axis=0)
     is_free[[0, -1], 1] = [v is None for v in velocities]
+    is_free = np.repeat(is_free, metric.dim, axis=1)
+    if metric.has_constant_tensor:
+        return _closed_form(metric, times, flat, is_free)
     knots = np.hstack([points, flat(times, 1)])
-    return _least_action(metric, times, knots, np.repeat(is_free, metric.dim, axis=1))
+    return _least_action(metric, times, knots, is_free)
 
 
 def _flat_spline(times: Array, points: Array, v0: Array | None, v1: Array | None) -> CubicSpline:
@@ -235,7 +298,9 @@ def _flat_spline(times: Array, points: Array, v0: Array | None, v1: Array | None
     return CubicSpline(times, points, bc_type=ends)
 
 
-def _closed_form(metric: Metric, times: Array, flat: CubicSpline) -> RiemannianSpline:
+def _closed_form(
+    metric: Metric, times: Array, flat: CubicSpline, is_free: NDArray[np.bool_]
+) -> RiemannianSpline:
     tensor = metric.matrix(flat(times[0]))
     q, v, a, j = (flat.derivative(k)(times[:-1]) if k else flat(times[:-1]) for k in range(4))
     last = flat.derivative(2)(times[1:])
@@ -244,7 +309,7 @@ def _closed_form(metric: Metric, times: Array, flat: CubicSpline) -> RiemannianS
     end = np.append(flat(times[-1]), flat(times[-1], 1))
     action = float(np.diff(times) @ means) / 2.0
     states = np.hstack([q, v, -j @ tensor, a @ tensor])
-    return RiemannianSpline(metric, times, states, end, action, 0.0)
+    return RiemannianSpline(metric, times, states, end, action, 0.0, is_free)
 
 
 def _least_action(metric: Metric, times: Array, knots: Array, is_free: Array) -> RiemannianSpline:
@@ -360,8 +425,9 @@ def _matched(
             error = max(missing, moving)
             if is_fine and missing <= TOLERANCE and moving <= _MOVING:
                 states = np.hstack([knots[:-1], momenta])
+                action = found.action
                 return RiemannianSpline(
-                    metric, times, states, knots[-1], found.action, float(missing)
+                    metric, times, states, knots[-1], action, float(missing), is_free
                 )
             if not error < min(_CONTRACTION * last, _FAR):
                 return None
