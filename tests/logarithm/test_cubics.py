@@ -242,15 +242,19 @@ def test_certificates_tell_minima_from_other_stationary_motions() -> None:
     assert found.locally_minimizing
     assert found.residual < 1e-8
     assert go.spline(go.Euclidean(7), [0.0, 0.3, 0.7], points).certificate.locally_minimizing
-    # A great circle beyond a conjugate point of its cubics: stationary, not minimizing.
-    sphere = Sphere()
-    equator = lambda t: np.column_stack([np.full_like(t, np.pi / 2.0), 9.0 * t])  # noqa: E731
-    tensor = sphere.matrix(equator(np.zeros(1))[0])
-    still = np.concatenate([equator(np.zeros(1))[0], [0.0, 9.0], np.zeros(4)])
-    around = cubics.RiemannianSpline(
-        *(sphere, np.array([0.0, 1.0]), still[None], np.array([np.pi / 2.0, 9.0, 0.0, 9.0])),
-        action=float(tensor[0, 0]),
-        error=0.0,
-        is_free=np.zeros((2, 4), dtype=bool),
-    )
-    assert around.certificate.stationary
+    # From rest to rest on a great circle, the short and the long way: both satisfy s'''' = 0.
+    for length, is_minimal in ((1.0, True), (1.9 * np.pi, False)):
+        s = np.polynomial.Polynomial([0.0, 0.0, 3.0 * length, -2.0 * length])
+        times = np.linspace(0.0, 1.0, 5)
+        derivatives = [s.deriv(k)(times) if k else s(times) for k in range(4)]
+        zero = np.zeros(5)
+        states = np.column_stack([zero + np.pi / 2.0, derivatives[0], zero, derivatives[1]])
+        momenta = np.column_stack([zero, -derivatives[3], zero, derivatives[2]])
+        is_free = np.ones((5, 4), dtype=bool)
+        is_free[[0, -1]] = False
+        around = cubics.RiemannianSpline(
+            *(Sphere(), times, np.hstack([states, momenta])[:-1], states[-1]),
+            *(6.0 * length**2, 0.0, is_free),
+        )
+        assert around.certificate.stationary
+        assert around.certificate.locally_minimizing is is_minimal
