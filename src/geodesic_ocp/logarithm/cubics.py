@@ -123,7 +123,7 @@ class RiemannianSpline(TimedMotion, ShortRepr):
     @cached_property
     def certificate(self) -> MotionCertificate:
         """The accuracy of the motion, and whether it is locally minimizing; takes a moment."""
-        t = np.linspace(*self.times[[0, -1]], _SAMPLES)
+        t = np.linspace(self.times[0], self.times[-1], _SAMPLES)
         a = _rates(self.metric, self.at(t))[:, self.metric.dim : 2 * self.metric.dim]
         scale = np.abs(a).max() / np.diff(self.times).min() ** 2
         residual = float(np.abs(self.residual(t)).max() / scale) if scale > 0.0 else 0.0
@@ -132,9 +132,8 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         knots = np.hstack([self(times), self(times, 1)])
         s = _FINE.rule[0]
         inside = state_matrix(_FINE, times, 1, instants(times, s))[::3].toarray()
-        is_knot = (
-            variables(np.ones((len(times), 2)), np.zeros((len(times) - 1, _FINE.bubbles, 1))) > 0.0
-        )
+        others = np.zeros((len(times) - 1, _FINE.bubbles, 1))
+        is_knot = variables(np.ones((len(times), 2)), others) > 0.0
         x = np.zeros((is_knot.size, self.metric.dim))
         x[is_knot] = knots.reshape(-1, self.metric.dim)
         missing = self(instants(times, s)) - inside @ x
@@ -312,7 +311,9 @@ def _closed_form(
     return RiemannianSpline(metric, times, states, end, action, 0.0, is_free)
 
 
-def _least_action(metric: Metric, times: Array, knots: Array, is_free: Array) -> RiemannianSpline:
+def _least_action(
+    metric: Metric, times: Array, knots: Array, is_free: NDArray[np.bool_]
+) -> RiemannianSpline:
     with one_blas_thread:
         for found in _attempts(metric, times, knots, is_free):
             if found is not None:
@@ -324,7 +325,7 @@ def _least_action(metric: Metric, times: Array, knots: Array, is_free: Array) ->
 
 
 def _attempts(
-    metric: Metric, times: Array, knots: Array, is_free: Array
+    metric: Metric, times: Array, knots: Array, is_free: NDArray[np.bool_]
 ) -> Iterator[RiemannianSpline | None]:
     flat = np.zeros((len(times) - 1, _COARSE.bubbles, metric.dim))
     levels: Levels = ((_COARSE, 1e-6), (_FINE, _DECREASE))
@@ -358,7 +359,7 @@ def _find(
     durations: Array,
     knots: Array,
     coefficients: Array,
-    is_free: Array,
+    is_free: NDArray[np.bool_],
 ) -> DiscreteMotion | None:
     """Return the discrete motion by the compiled core, or by Ipopt on the last level alone."""
     kernels = second_order(metric)
@@ -371,7 +372,12 @@ def _find(
 
 
 def _refined(
-    metric: Metric, times: Array, knots: Array, coefficients: Array, is_free: Array, rounds: int
+    metric: Metric,
+    times: Array,
+    knots: Array,
+    coefficients: Array,
+    is_free: NDArray[np.bool_],
+    rounds: int,
 ) -> Iterator[RiemannianSpline | None]:
     """Yield motions, None where the last failed, with twice as many segments in every round."""
     for _ in range(rounds):
@@ -385,7 +391,7 @@ def _refined(
 
 
 def _bisected(
-    times: Array, knots: Array, coefficients: Array, is_free: Array
+    times: Array, knots: Array, coefficients: Array, is_free: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array, Array]:
     """Return the same motion with twice as many segments; the new knots are free."""
     twice = np.ones((2 * len(times) - 1, knots.shape[1]), dtype=bool)
@@ -394,7 +400,7 @@ def _bisected(
 
 
 def _matched(
-    metric: Metric, times: Array, found: DiscreteMotion, is_free: Array
+    metric: Metric, times: Array, found: DiscreteMotion, is_free: NDArray[np.bool_]
 ) -> RiemannianSpline | None:
     """Correct a discrete motion until the integrated cubics meet at the knots.
 
@@ -440,7 +446,7 @@ def _matched(
     return None
 
 
-def _banded_cholesky(hessians: Array, is_free: Array) -> Array:
+def _banded_cholesky(hessians: Array, is_free: NDArray[np.bool_]) -> Array:
     """Return the factor of the sum of the segments' Hessians, with unit rows where not free."""
     count, size = len(hessians), is_free.shape[1]
     band = np.zeros((2 * size, (count + 1) * size))
