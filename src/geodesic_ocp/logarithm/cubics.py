@@ -29,6 +29,7 @@ from geodesic_ocp.ocp.certificate import stationarity_and_index
 from geodesic_ocp.ocp.motion_program import bisected, instants, state_matrix, variables
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
+Mask: TypeAlias = NDArray[np.bool_]
 Levels: TypeAlias = tuple[tuple[SegmentBasis, float], ...]
 
 TOLERANCE = 1e-9  # of positions and velocities where segments meet
@@ -66,7 +67,7 @@ class RiemannianSpline(TimedMotion, ShortRepr):
     end: Array
     action: float
     error: float
-    is_free: NDArray[np.bool_]
+    is_free: Mask
 
     _shown = ("duration", "action", "error")
 
@@ -298,7 +299,7 @@ def _flat_spline(times: Array, points: Array, v0: Array | None, v1: Array | None
 
 
 def _closed_form(
-    metric: Metric, times: Array, flat: CubicSpline, is_free: NDArray[np.bool_]
+    metric: Metric, times: Array, flat: CubicSpline, is_free: Mask
 ) -> RiemannianSpline:
     tensor = metric.matrix(flat(times[0]))
     q, v, a, j = (flat.derivative(k)(times[:-1]) if k else flat(times[:-1]) for k in range(4))
@@ -311,9 +312,7 @@ def _closed_form(
     return RiemannianSpline(metric, times, states, end, action, 0.0, is_free)
 
 
-def _least_action(
-    metric: Metric, times: Array, knots: Array, is_free: NDArray[np.bool_]
-) -> RiemannianSpline:
+def _least_action(metric: Metric, times: Array, knots: Array, is_free: Mask) -> RiemannianSpline:
     with one_blas_thread:
         for found in _attempts(metric, times, knots, is_free):
             if found is not None:
@@ -325,7 +324,7 @@ def _least_action(
 
 
 def _attempts(
-    metric: Metric, times: Array, knots: Array, is_free: NDArray[np.bool_]
+    metric: Metric, times: Array, knots: Array, is_free: Mask
 ) -> Iterator[RiemannianSpline | None]:
     flat = np.zeros((len(times) - 1, _COARSE.bubbles, metric.dim))
     levels: Levels = ((_COARSE, 1e-6), (_FINE, _DECREASE))
@@ -359,7 +358,7 @@ def _find(
     durations: Array,
     knots: Array,
     coefficients: Array,
-    is_free: NDArray[np.bool_],
+    is_free: Mask,
 ) -> DiscreteMotion | None:
     """Return the discrete motion by the compiled core, or by Ipopt on the last level alone."""
     kernels = second_order(metric)
@@ -376,7 +375,7 @@ def _refined(
     times: Array,
     knots: Array,
     coefficients: Array,
-    is_free: NDArray[np.bool_],
+    is_free: Mask,
     rounds: int,
 ) -> Iterator[RiemannianSpline | None]:
     """Yield motions, None where the last failed, with twice as many segments in every round."""
@@ -391,8 +390,8 @@ def _refined(
 
 
 def _bisected(
-    times: Array, knots: Array, coefficients: Array, is_free: NDArray[np.bool_]
-) -> tuple[Array, Array, Array, Array]:
+    times: Array, knots: Array, coefficients: Array, is_free: Mask
+) -> tuple[Array, Array, Array, Mask]:
     """Return the same motion with twice as many segments; the new knots are free."""
     twice = np.ones((2 * len(times) - 1, knots.shape[1]), dtype=bool)
     twice[::2] = is_free
@@ -400,7 +399,7 @@ def _bisected(
 
 
 def _matched(
-    metric: Metric, times: Array, found: DiscreteMotion, is_free: NDArray[np.bool_]
+    metric: Metric, times: Array, found: DiscreteMotion, is_free: Mask
 ) -> RiemannianSpline | None:
     """Correct a discrete motion until the integrated cubics meet at the knots.
 
@@ -446,7 +445,7 @@ def _matched(
     return None
 
 
-def _banded_cholesky(hessians: Array, is_free: NDArray[np.bool_]) -> Array:
+def _banded_cholesky(hessians: Array, is_free: Mask) -> Array:
     """Return the factor of the sum of the segments' Hessians, with unit rows where not free."""
     count, size = len(hessians), is_free.shape[1]
     band = np.zeros((2 * size, (count + 1) * size))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
@@ -29,7 +30,7 @@ def find_by_ipopt(
     durations: Array,
     knots: Array,
     coefficients: Array,
-    is_free: Array,
+    is_free: NDArray[np.bool_],
 ) -> DiscreteMotion | None:
     """Return the motion of least action, as `MotionKernels.find` on one level."""
     n, width = metric.dim, 2 + basis.bubbles

@@ -23,6 +23,7 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import Legendre, leggauss
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.kernels import Kernels, blas, one_blas_thread
@@ -205,7 +206,7 @@ class MotionKernels(Kernels):
         durations: Array,
         knots: Array,
         coefficients: Array,
-        is_free: Array,
+        is_free: NDArray[np.bool_],
     ) -> DiscreteMotion | None:
         """Minimize the discrete action on all levels; None where that fails.
 
