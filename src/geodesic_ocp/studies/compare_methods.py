@@ -26,6 +26,11 @@ from geodesic_ocp.synergies.baselines import (
     minimum_jerk_hand,
 )
 from geodesic_ocp.synergies.scores import SCORES, Scores, score
+from geodesic_ocp.synergies.second_order import (
+    cubic_spline,
+    riemannian_cubics,
+    riemannian_spline,
+)
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.synergy import as_segments, reconstruct
 from geodesic_ocp.tables import markdown, new_table
@@ -208,19 +213,30 @@ def _means(values: Array) -> Array:
 
 
 _Segments = Sequence[tuple[int, int]]
-_Method = Callable[[Recording, _Segments], Motion]
-# Predictions without a metric, and what they receive at the ends of a segment.
-_KINEMATIC: dict[str, tuple[_Method, str]] = {
-    "minimum acceleration": (
-        lambda recording, segments: minimum_acceleration(recording.motion, segments),
-        "2 configurations, 2 velocities",
+_Method = Callable[[Metric, Recording, _Segments], Motion]
+_TWO_STATES = "2 configurations, 2 velocities"
+_KNOTS = "1 configuration; 2 velocities of the recording"
+# Other predictions, from the first metric or from none, and what they receive.
+_OTHERS: dict[str, tuple[_Method, str]] = {
+    "Riemannian cubics": (
+        lambda metric, given, segments: riemannian_cubics(metric, given.motion, segments),
+        _TWO_STATES,
     ),
+    "minimum acceleration": (
+        lambda _, given, segments: minimum_acceleration(given.motion, segments),
+        _TWO_STATES,
+    ),
+    "Riemannian spline": (
+        lambda metric, given, segments: riemannian_spline(metric, given.motion, segments),
+        _KNOTS,
+    ),
+    "cubic spline": (lambda _, given, segments: cubic_spline(given.motion, segments), _KNOTS),
     "minimum jerk": (
-        lambda recording, segments: minimum_jerk(recording.motion, segments),
+        lambda _, given, segments: minimum_jerk(given.motion, segments),
         "2 configurations, 2 velocities, 2 accelerations",
     ),
     "minimum jerk of the hand": (
-        lambda recording, segments: minimum_jerk_hand(recording.model, recording.motion, segments),
+        lambda _, given, segments: minimum_jerk_hand(given.model, given.motion, segments),
         "1 configuration, 2 hand poses, velocities, accelerations",
     ),
 }
@@ -238,9 +254,10 @@ def compare_methods(
 ) -> MethodComparison:
     """Predict the same segments of recordings by geodesics and by baselines, and score them all.
 
-    Geodesics of each metric (`reconstruct`) are compared with the motions of minimum acceleration
-    and of minimum jerk in joint space and of minimum jerk of the hand. The methods do not receive
-    the same data at the ends of a segment; the table has a column that says what each receives.
+    Geodesics of each metric (`reconstruct`) are compared with second-order motions of the first
+    metric, Riemannian cubics and splines, with their counterparts of a constant metric, minimum
+    acceleration and cubic splines, and with minimum jerk of the joints and of the hand. The methods
+    do not receive the same data; the table has a column that says what each receives for a segment.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -249,7 +266,7 @@ def compare_methods(
     ...     recordings, {"straight lines": lambda arm: go.Euclidean(arm.dof)}
     ... )
     >>> comparison.methods[:3]
-    ('straight lines', 'minimum acceleration', 'minimum jerk')
+    ('straight lines', 'Riemannian cubics', 'minimum acceleration')
 
     Args:
         recordings: one or more, see `read_recordings`.
@@ -276,9 +293,9 @@ def compare_methods(
     if not recordings or not all(isinstance(each, Recording) for each in recordings):
         raise ValueError("recordings must be one or more of go.recordings.Recording")
     metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
-    if same := metrics.keys() & _KINEMATIC.keys():
+    if same := metrics.keys() & _OTHERS.keys():
         raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")
-    methods = (*metrics, *_KINEMATIC)
+    methods = (*metrics, *_OTHERS)
     total, done = len(recordings) * (len(methods) + 1), 0
 
     def report(label: str) -> None:
@@ -309,7 +326,8 @@ def compare_methods(
                     its_metric = metric(method, recording.model)
                     predicted = reconstruct(its_metric, recording.motion, pieces).predicted
                 else:
-                    predicted = _KINEMATIC[method][0](recording, pieces)
+                    first = metric(methods[0], recording.model)
+                    predicted = _OTHERS[method][0](first, recording, pieces)
                 scores[method].append(score(recording.model, recording.motion, predicted, pieces))
             except GeodesicOcpError as failure:
                 reason = str(failure).partition("\n")[0]
@@ -322,7 +340,7 @@ def compare_methods(
         subjects=tuple(recording.subject for recording in recordings),
         methods=methods,
         segments=tuple(tuple(pieces) for pieces in cuts),
-        observed={method: _KINEMATIC.get(method, ((), _OF_A_GEODESIC))[1] for method in methods},
+        observed={method: _OTHERS.get(method, ((), _OF_A_GEODESIC))[1] for method in methods},
         scores={method: tuple(scores[method]) for method in methods},
         failures=tuple(failures),
     )
