@@ -47,6 +47,7 @@ from .model.primitives import HalfSpace as HalfSpace
 from .ocp.certificate import certify as certify
 from .ocp.inverse_kinematics import inverse_kinematics as inverse_kinematics
 from .ocp.load_solution import load_solution as load_solution
+from .ocp.motion_problem import MotionProblem as MotionProblem
 from .ocp.problem import Problem as Problem
 from .ocp.problems import PointToPoint as PointToPoint
 from .ocp.problems import Reach as Reach

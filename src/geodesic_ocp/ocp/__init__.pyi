@@ -1,3 +1,4 @@
+from .motion_problem import MotionSolution as MotionSolution
 from .callback import Iterate as Iterate
 from .callback import LivePlot as LivePlot
 from .certificate import Certificate as Certificate
