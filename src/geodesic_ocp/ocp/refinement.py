@@ -121,8 +121,7 @@ def meeting_conditions(solution: Solution, advice: str) -> Solution:
 
 def _failed(solution: Solution, status: str) -> Solution:
     """Return the solution as the last iterate of a solve that failed."""
-    stats = replace(solution.stats, success=False, status=status)
-    return replace(solution, stats=stats, iterate=replace(solution.iterate, success=False))
+    return replace(solution, stats=replace(solution.stats, success=False, status=status))
 
 
 def _violates(solution: Solution) -> bool:
@@ -269,7 +268,7 @@ def with_optimal_via_points(
         if not grid.via_segments:
             return solution
         if close := _coincident(solution.path):
-            return _not_found(solution, f"{close} have come together: do they coincide?")
+            return _failed(solution, f"{close} have come together: do they coincide?")
         if not solution.stats.success:
             return solution
         tried.append(grid.via_s)
@@ -279,13 +278,9 @@ def with_optimal_via_points(
         moved = grid.with_via_points_at(_next(tried, residuals).tolist())
         start = Path(solution.path.metric, moved, solution.path.nodes)
         solution = with_effort_of(solution.stats, solve_on(moved, start))
-    return _not_found(
+    return _failed(
         solution, f"the parameters s of the via points did not converge in {_MAX_UPDATES} updates"
     )
-
-
-def _not_found(solution: Solution, status: str) -> Solution:
-    return replace(solution, stats=replace(solution.stats, success=False, status=status))
 
 
 def _coincident(path: Path) -> str:
