@@ -53,8 +53,6 @@ DOP853 = _coefficients()
 STAGES: int = DOP853.N_STAGES
 RK_A = np.array(DOP853.A[:STAGES, :STAGES], dtype=float)
 RK_B = np.array(DOP853.B, dtype=float)
-# Times of the stages within a step; the last is the end of the step.
-STAGE_TIMES = np.append(DOP853.C[:STAGES], 1.0)
 
 
 @lru_cache(maxsize=1)
