@@ -7,7 +7,7 @@ of the straight line, and the time that the joints' speed limits add to it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import casadi as ca
@@ -15,7 +15,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
+from geodesic_ocp.ocp.pose_search import PoseSearch
 from geodesic_ocp.retargeting.key_poses import (
     REACHED,
     Pose,
@@ -86,9 +86,7 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
         if number == 0 and waypoints.start is not None:
             found.append(Candidates.attaining(waypoints.start))
             continue
-        lower, upper = _search(waypoints, number, middle_of_ranges(waypoints.arm)[0]).bounds(
-            waypoints.limited
-        )
+        lower, upper = _search(waypoints, number, middle_of_ranges(waypoints.arm)[0]).bounds
         starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
         before = found[-1].q[:_CARRIED] if found else middle_of_ranges(waypoints.arm)[0][None, :]
         layer = candidates_near(waypoints, number, np.vstack([before, starts]))
@@ -118,7 +116,8 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
         bounds = arm.lower, arm.upper
     else:
         bounds = np.full(arm.dof, -np.inf), np.full(arm.dof, np.inf)
-    q, errors = search.from_every_start(bounds, starts, waypoints.row_weights)
+    search = replace(search, bounds=bounds)
+    q, errors = search.from_every_start(starts, waypoints.row_weights)
     errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
     return _chosen(q, errors, waypoints.near_misses, _MOST)
 
@@ -145,9 +144,8 @@ def _chosen(q: Array, errors: Array, near_misses: float, most: int) -> Candidate
 
 def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
     pose = waypoints.poses[number]
-    return PoseSearch.checked(
-        *("retarget", waypoints.arm, near, pose.position, pose.rotation, CollisionAvoidance())
-    )
+    given = waypoints.arm, near, pose.position, pose.rotation
+    return PoseSearch.checked("retarget", *given, limits=waypoints.limited)
 
 
 def shortest_path(
