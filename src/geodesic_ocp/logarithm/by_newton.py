@@ -5,8 +5,8 @@ Gauss quadrature. Coarse grids cost little and lead to the neighbourhood of a mi
 ones to a path whose initial velocity, from the momentum at its fixed first node, v0 = -G(q0)^-1
 dE/dq0 (the discrete Legendre transform of Marsden and West, Acta Numerica 2001), ends near the
 goal; a few integrations correct it, with the derivative dv0/dq1 from the Hessian. The compiled core
-does all of it in one call; without a compiler, Ipopt finds geodesics (`by_ipopt`), and the
-corrections of core/logarithm.h are those in NumPy here.
+does all of it in one call. The corrections here are those of shooting, and of geodesics that Ipopt
+finds (`by_ipopt`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,12 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.manifold.exp import exp_with_derivative, integrate_geodesic, sample_geodesic
+from geodesic_ocp.manifold.exp import (
+    exp,
+    exp_with_derivative,
+    integrate_geodesic,
+    sample_geodesic,
+)
 from geodesic_ocp.manifold.kernels import Level, Tolerances
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.grid import Grid
@@ -37,9 +42,10 @@ _FINE_GRIDS = (Grid(16, 20), Grid(32, 20))
 MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesics of an arm
 _FAR = "integrated forward, it ends {:.1e} from the goal"
 ROUNDING = "rounding errors exceed the tolerance of its end point"
-# Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
-STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-15
-_ROUNDS, _CONTRACTION, _NEAR = 20, 0.5, 1e-5
+# Tolerance of a step; by how much smaller it becomes where the integration's error stalls
+# corrections, and the smallest.
+STEP, _FINER, _SMALLEST = 1e-12, 30.0, 1e-15
+_ROUNDS, _CONTRACTION = 20, 0.5
 # Error of the end point below which the integration's own error may be what remains.
 _STALLED = 1e-3
 _ROUNDED = 1e-6  # with the smallest tolerance of a step, it is rounding
@@ -337,50 +343,30 @@ def correct_velocity(
     """Correct the velocity (n,) until Exp_q0(velocity) is q1, with its derivative by q1 (n, n).
 
     Corrections end at an endpoint error of `wanted_error`, or where they gain nothing and the error
-    is at most TOLERANCE. The result was integrated with two different tolerances of the steps.
+    is at most TOLERANCE; `exp`, which estimates its own error, then confirms the end point.
 
     Returns the velocity, or None and why there is none.
     """
-    wanted, last, step, is_fine = wanted_error(q0, q1), np.inf, STEP, False
-    before = change = np.zeros_like(velocity)
+    wanted, last, step = wanted_error(q0, q1), np.inf, STEP
     try:
-        for number in range(_ROUNDS):
-            after_coarse, is_fine = not is_fine, last < _NEAR
-            tolerance = step if is_fine else _COARSER * step
-            difference = _end_point(metric, q0, velocity, tolerance) - q1
+        for _ in range(_ROUNDS):
+            difference = _end_point(metric, q0, velocity, step) - q1
             error = float(np.abs(difference).max())
-            if not (error < _CONTRACTION * last or error <= TOLERANCE):
+            is_stalled = not error < _CONTRACTION * last
+            velocity = velocity - by_goal @ difference
+            if error <= wanted or (is_stalled and error <= TOLERANCE):
+                missed = exp(metric, q0, velocity, tolerance=TOLERANCE) - q1
+                return (velocity, "") if np.abs(missed).max() <= TOLERANCE else (None, ROUNDING)
+            if is_stalled:
                 if not error < _STALLED or step <= _SMALLEST:
                     return None, ROUNDING if error < _ROUNDED else _FAR.format(error)
-                step = max(_SMALLEST, step / _COARSER)
-            elif number:
-                by_goal = _update(by_goal, difference - before, change)
-            before, change = difference, -by_goal @ difference
-            velocity = velocity + change
-            if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
-                if step < STEP and not _survives_rounding(metric, q0, q1, velocity, step):
-                    return None, ROUNDING
-                end = q1 if after_coarse else _end_point(metric, q0, velocity, _COARSER * step)
-                if np.abs(end - q1).max() / 2.0 <= TOLERANCE:
-                    return velocity, ""
-                if step <= _SMALLEST:
-                    return None, ROUNDING
-                step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
+                step = max(_SMALLEST, step / _FINER)
             last = error
     except IntegrationFailed as failure:
-        place = "" if failure.time is None else f" at s = {failure.time:.3g}"
-        return None, f"its integration fails{place}"
+        if failure.time is None:
+            return None, ROUNDING
+        return None, f"its integration fails at s = {failure.time:.3g}"
     return None, _FAR.format(last)
-
-
-def _survives_rounding(metric: Metric, q0: Array, q1: Array, velocity: Array, step: float) -> bool:
-    """Return whether the geodesic meets the goal also after rounding of its velocity."""
-    change = 4.0 * np.spacing(np.abs(velocity))
-    try:
-        ends = [_end_point(metric, q0, velocity + s * change, step) for s in (-1.0, 1.0)]
-    except IntegrationFailed:
-        return False
-    return bool(np.abs(np.array(ends) - q1).max() <= TOLERANCE)
 
 
 def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> Array:
@@ -388,15 +374,6 @@ def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> 
         metric, q0, velocity, _UNIT_INTERVAL, tolerance, max_steps=MAX_STEPS
     )
     return np.asarray(positions[-1])
-
-
-def _update(inverse: Array, difference: Array, change: Array) -> Array:
-    """Return broyden's second update of the inverse derivative."""
-    along, row = inverse @ difference, change @ inverse
-    product = float(change @ along)
-    if abs(product) <= 0.1 * float(change @ change):
-        return inverse
-    return inverse + np.outer(change - along, row) / product
 
 
 def wanted_error(q0: Array, q1: Array) -> float:
