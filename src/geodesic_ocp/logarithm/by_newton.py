@@ -311,9 +311,7 @@ def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> C
 def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
     """Return Newton's method with step halving."""
     for _ in range(_MAX_SHOTS):
-        end, jacobian = exp_with_derivative(
-            metric, q0, velocity, _COARSE_TOLERANCE, max_steps=MAX_STEPS
-        )
+        end, jacobian = exp_with_derivative(metric, q0, velocity, max_steps=MAX_STEPS)
         error = end - q1
         if np.abs(error).max() <= _CLOSE:
             inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)

@@ -185,20 +185,3 @@ class MetricFunctions(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "kernels"}
-
-    @cached_property
-    def variation_equation(self) -> ca.Function:
-        """`geodesic_equation` with its derivatives by the initial velocity.
-
-        y = (q, v, dq/dv0, dv/dv0), (2 n + 2 n^2,), with the derivatives in column-major order.
-        """
-        n, x = self.dim, ca.SX.sym("x", 2 * self.dim)
-        derivative = ca.densify(ca.cse(ca.jacobian(self.geodesic_equation(x), x)))
-        jacobian = ca.Function("geodesic_jacobian", [x], [derivative])
-        y = ca.MX.sym("y", 2 * n + 2 * n * n)
-        state, fields = y[: 2 * n], y[2 * n :]
-        columns = ca.vertcat(ca.reshape(fields[: n * n], n, n), ca.reshape(fields[n * n :], n, n))
-        rate = self.geodesic_equation(state)
-        slopes = jacobian(state) @ columns
-        parts = [rate, ca.vec(slopes[:n, :]), ca.vec(slopes[n:, :])]
-        return ca.Function("variation", [y], [ca.vertcat(*parts)], ["y"], ["dy"])
