@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from functools import cached_property
 from typing import Any
@@ -111,7 +112,9 @@ class MetricFunctions(ABC):
             return np.zeros((len(curve), n, n))
         if self.kernels.available(at_once=False):
             return self.kernels.transport_matrices(curve)
+        began = time.perf_counter()
         found = self.transport_matrix.map(len(curve))(curve.T).full()
+        self.kernels.used(time.perf_counter() - began)
         return np.asarray(found.reshape(n, len(curve), n).swapaxes(0, 1))
 
     @cached_property
