@@ -64,7 +64,8 @@ def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
         return np.asarray(np.sqrt(squares))
     if metric.kernels.available(at_once=False):
         return metric.kernels.speeds(q, velocity)
-    return np.asarray(evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0])
+    energies = metric.energy_density.map(len(q))(q.T, velocity.T)
+    return np.asarray(ca.sqrt(2 * energies).full()[0])
 
 
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

@@ -140,13 +140,6 @@ class MetricFunctions(ABC):
         return ca.Function("R", [q, u, v, w, z], [ca.cse(form)])
 
     @cached_property
-    def speed(self) -> ca.Function:
-        """(q, v) -> |v|_q."""
-        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
-        square = ca.dot(v, self._matrix_function(q) @ v)
-        return ca.Function("speed", [q, v], [ca.sqrt(square)], ["q", "v"], ["speed"])
-
-    @cached_property
     def kernel_functions(self) -> dict[str, ca.Function]:
         """The functions that the compiled core calls, by name.
 

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
-from geodesic_ocp.ocp.callback import Callback, IterationCallback
+from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
@@ -211,7 +211,7 @@ class _Solver:
         except TypeError:
             raise ValueError(f"ipopt: options are numbers and strings, got {given}") from None
         if self.callback is not None:
-            relay = IterationCallback(nlp, self.callback)
+            relay = relay_paths(nlp, self.callback)
             outcome = _ipopt(nlp.transcription, settings, relay)(**values)
         elif self.definition.key is not None:
             shape = nlp.transcription.grid
