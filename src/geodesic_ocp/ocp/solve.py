@@ -8,19 +8,15 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
+from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
-from geodesic_ocp.ocp.refinement import (
-    meeting_conditions,
-    refine,
-    refine_where_violated,
-    with_optimal_via_points,
-)
+from geodesic_ocp.ocp.refinement import meeting_conditions, refine, with_optimal_via_points
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import find_violations, violation_profile
@@ -123,29 +119,33 @@ def solve(
     start = guess.path if isinstance(guess, Solution) else guess
     solver = _Solver(problem, definition, dict(ipopt or {}), callback, before)
     conditions = definition.conditions
-    if tolerance is None:
-        solution = solver.solve_from(first, start)
-        if grid is None:
-            solution = refine_where_violated(solver, conditions, solution)
-        else:
-            solution = meeting_conditions(solution, "leave grid out, or set tolerance")
-    elif conditions.via_continuity:
+    if tolerance is not None:
+        tolerance = as_positive("tolerance", tolerance)
+        _check_refinable(conditions)
+    solution = solver.solve_from(first, start)
+    if tolerance is not None or grid is None:
+        solution = refine(solver, violation_profile(conditions), solution, tolerance, start)
+    else:
+        solution = meeting_conditions(solution, "leave grid out, or set tolerance")
+    if throw and not solution.stats.success:
+        raise NotConverged(describe_failure(solution), solution)
+    return solution
+
+
+def _check_refinable(conditions: Conditions) -> None:
+    """ValueError if there is no path of least energy that ever finer grids approach."""
+    if conditions.via_continuity:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a path with "
             "continuous velocity approaches as the grid is refined; set "
             "continuous_velocity_at_via = False, or leave tolerance out"
         )
-    elif names := conditions.on_end_velocities:
+    if names := conditions.on_end_velocities:
         raise ValueError(
             f"tolerance: there is no path of least energy with a prescribed velocity at an end "
             f"({names}): the finer the grid, the shorter the piece on which it is reached; leave "
             "tolerance out"
         )
-    else:
-        solution = refine(solver, violation_profile(conditions), first, tolerance, start)
-    if throw and not solution.stats.success:
-        raise NotConverged(describe_failure(solution), solution)
-    return solution
 
 
 @dataclass(frozen=True, eq=False)
