@@ -50,9 +50,9 @@ _ROUNDS, _CONTRACTION = 20, 0.5
 _STALLED = 1e-3
 _ROUNDED = 1e-6  # with the smallest tolerance of a step, it is rounding
 _UNIT_INTERVAL = np.array([0.0, 1.0])
-# Number of Newton steps, smallest damping factor, required reduction of the endpoint error by a
-# full step, error from which corrections take over, integration tolerance until then.
-_MAX_SHOTS, _MIN_DAMPING, _REDUCTION = 12, 0.05, 0.1
+# Number of Newton steps, damping factors, required reduction of the endpoint error by a full step,
+# error from which corrections take over, integration tolerance until then.
+_MAX_SHOTS, _DAMPINGS, _REDUCTION = 12, (1.0, 0.5, 0.25, 0.125, 0.0625), 0.1
 _CLOSE, _COARSE_TOLERANCE = 1e-7, 1e-9
 # Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the
 # metric that is worth reporting.
@@ -297,42 +297,41 @@ def likely_cause(metric: Metric, nodes: Array) -> str:
 
 
 def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
-    """Return the geodesic that shooting finds from an initial velocity, of minimal energy or not.
+    """Return the geodesic that Newton's method with step halving finds from an initial velocity, of
+    minimal energy or not.
 
     Raises:
         NotConverged: Newton's method found no geodesic that ends at q1.
     """
     try:
-        return _shoot(metric, q0, q1, velocity)
+        for _ in range(_MAX_SHOTS):
+            end, jacobian = exp_with_derivative(metric, q0, velocity, max_steps=MAX_STEPS)
+            error = end - q1
+            if np.abs(error).max() <= _CLOSE:
+                inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
+                corrected, _ = correct_velocity(metric, q0, q1, velocity, inverse)
+                if corrected is not None:
+                    return ConnectingGeodesic(q0, q1, corrected)
+                break
+            step, size = np.linalg.solve(jacobian, error), float(np.linalg.norm(error))
+            for damping in _DAMPINGS:
+                missed = _distance(metric, q0, velocity - damping * step, q1)
+                if missed <= (1.0 - _REDUCTION * damping) * size:
+                    break
+            else:
+                break
+            velocity = velocity - damping * step
     except (IntegrationFailed, np.linalg.LinAlgError) as failure:
         raise NotConverged(f"shooting from {velocity}: {failure}") from None
-
-
-def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
-    """Return Newton's method with step halving."""
-    for _ in range(_MAX_SHOTS):
-        end, jacobian = exp_with_derivative(metric, q0, velocity, max_steps=MAX_STEPS)
-        error = end - q1
-        if np.abs(error).max() <= _CLOSE:
-            inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
-            corrected, _ = correct_velocity(metric, q0, q1, velocity, inverse)
-            if corrected is not None:
-                return ConnectingGeodesic(q0, q1, corrected)
-            break
-        step, damping = np.linalg.solve(jacobian, error), 1.0
-        while damping > _MIN_DAMPING:
-            try:
-                changed = velocity - damping * step
-                missed = _end_point(metric, q0, changed, _COARSE_TOLERANCE) - q1
-            except IntegrationFailed:
-                missed = np.full_like(error, np.inf)
-            if np.linalg.norm(missed) <= (1.0 - _REDUCTION * damping) * np.linalg.norm(error):
-                break
-            damping /= 2.0
-        else:
-            break
-        velocity = velocity - damping * step
     raise NotConverged(f"shooting from {q0} with {velocity} does not reach {q1}")
+
+
+def _distance(metric: Metric, q0: Array, velocity: Array, q1: Array) -> float:
+    """Return how far Exp_q0(velocity) is from q1; infinite where there is no such point."""
+    try:
+        return float(np.linalg.norm(_end_point(metric, q0, velocity, _COARSE_TOLERANCE) - q1))
+    except IntegrationFailed:
+        return np.inf
 
 
 def correct_velocity(
