@@ -45,7 +45,7 @@ ROUNDING = "rounding errors exceed the tolerance of its end point"
 # Tolerance of a step; by how much smaller it becomes where the integration's error stalls
 # corrections, and the smallest.
 STEP, _FINER, _SMALLEST = 1e-12, 30.0, 1e-15
-_ROUNDS, _CONTRACTION = 20, 0.5
+_ROUNDS, _CONTRACTION, _NEAR = 20, 0.5, 1e-5
 # Error of the end point below which the integration's own error may be what remains.
 _STALLED = 1e-3
 _ROUNDED = 1e-6  # with the smallest tolerance of a step, it is rounding
@@ -340,21 +340,27 @@ def correct_velocity(
     """Correct the velocity (n,) until Exp_q0(velocity) is q1, with its derivative by q1 (n, n).
 
     Corrections end at an endpoint error of `wanted_error`, or where they gain nothing and the error
-    is at most TOLERANCE; `exp`, which estimates its own error, then confirms the end point.
+    is at most TOLERANCE. The first integrations are coarser: where the first fine one meets the
+    goal after a correction by a coarse one, the two agree. Otherwise `exp`, which estimates its own
+    error, confirms the end point.
 
     Returns the velocity, or None and why there is none.
     """
-    wanted, last, step = wanted_error(q0, q1), np.inf, STEP
+    wanted, last, step, is_fine = wanted_error(q0, q1), np.inf, STEP, False
     try:
         for _ in range(_ROUNDS):
-            difference = _end_point(metric, q0, velocity, step) - q1
+            was_fine, is_fine = is_fine, last < _NEAR
+            tolerance = step if is_fine else _FINER * step
+            difference = _end_point(metric, q0, velocity, tolerance) - q1
             error = float(np.abs(difference).max())
             is_stalled = not error < _CONTRACTION * last
             velocity = velocity - by_goal @ difference
-            if error <= wanted or (is_stalled and error <= TOLERANCE):
+            if is_fine and (error <= wanted or (is_stalled and error <= TOLERANCE)):
+                if not was_fine and step == STEP:
+                    return velocity, ""
                 missed = exp(metric, q0, velocity, tolerance=TOLERANCE) - q1
                 return (velocity, "") if np.abs(missed).max() <= TOLERANCE else (None, ROUNDING)
-            if is_stalled:
+            if is_stalled and not error <= TOLERANCE:
                 if not error < _STALLED or step <= _SMALLEST:
                     return None, ROUNDING if error < _ROUNDED else _FAR.format(error)
                 step = max(_SMALLEST, step / _FINER)
