@@ -341,8 +341,8 @@ def correct_velocity(
 
     Corrections end at an endpoint error of `wanted_error`, or where they gain nothing and the error
     is at most TOLERANCE. The first integrations are coarser: where the first fine one meets the
-    goal after a correction by a coarse one, the two agree. Otherwise `exp`, which estimates its own
-    error, confirms the end point.
+    goal after a correction by a coarse one, the two agree; otherwise a coarse one confirms it.
+    Where rounding may be what remains, `exp` does, which estimates its own error.
 
     Returns the velocity, or None and why there is none.
     """
@@ -356,10 +356,11 @@ def correct_velocity(
             is_stalled = not error < _CONTRACTION * last
             velocity = velocity - by_goal @ difference
             if is_fine and (error <= wanted or (is_stalled and error <= TOLERANCE)):
-                if not was_fine and step == STEP:
+                end = _end_point(metric, q0, velocity, _FINER * step) if was_fine else q1
+                if step == STEP and np.abs(end - q1).max() / 2.0 <= TOLERANCE:
                     return velocity, ""
-                missed = exp(metric, q0, velocity, tolerance=TOLERANCE) - q1
-                return (velocity, "") if np.abs(missed).max() <= TOLERANCE else (None, ROUNDING)
+                end = exp(metric, q0, velocity, tolerance=TOLERANCE)
+                return (velocity, "") if np.abs(end - q1).max() <= TOLERANCE else (None, ROUNDING)
             if is_stalled and not error <= TOLERANCE:
                 if not error < _STALLED or step <= _SMALLEST:
                     return None, ROUNDING if error < _ROUNDED else _FAR.format(error)
