@@ -262,9 +262,9 @@ class Solution:
         """
         return write_record(file, self.record())
 
-    def resample(self, count: int, by: str = "length") -> Array:
+    def resample(self, count: int) -> Array:
         """Return positions (count, n) along the path; see `Path.resample`."""
-        return self.path.resample(count, by)
+        return self.path.resample(count)
 
     def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
         """Return the path as a motion in time, with velocities.
