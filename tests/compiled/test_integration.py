@@ -13,7 +13,7 @@ from known_metrics import HalfPlane, Sphere
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled import library
-from geodesic_ocp.manifold.connection import _gauss_points, transport_by_steps
+from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.manifold.kernels import _IntegrationRecord, integrate_by_scipy
 from geodesic_ocp.synergies.segment import _Observed, _parallel_components
 
@@ -71,17 +71,22 @@ def latitude(colatitude: float, times: np.ndarray) -> np.ndarray:
     return states
 
 
+@pytest.mark.usefixtures("compiler")
 def test_errors_of_the_transport_decrease_with_order_8() -> None:
     """Along a circle of latitude, vectors turn at the rate cos(colatitude)."""
     angle, colatitude = 6.0, 0.8
     metric, errors, counts = Sphere(), [], [2, 3, 4, 6, 8]
+    assert metric.kernels.available()
     turned = angle * np.cos(colatitude)
     exact = np.array([np.cos(turned), -np.sin(turned) / np.sin(colatitude)])
     for count in counts:
-        times, sizes = _gauss_points(np.array([0.0, angle]), count)
-        curve, start = latitude(colatitude, times), np.array([1.0, 0.0])
-        end = transport_by_steps(metric, sizes, curve, start)
-        errors.append(float(np.abs(end - exact).max()))
+        sizes = np.full(count, angle / count)
+        times = (angle / count) * (np.arange(count)[:, None] + STAGE_TIMES)
+        curve = latitude(colatitude, times.ravel()).reshape(count, STAGE_TIMES.size, 4)
+        vectors, estimates = metric.kernels.transport(sizes, curve, np.array([1.0, 0.0]), 1e-9)
+        assert vectors.shape == (count, 2)
+        assert np.all(estimates > 0.0)
+        errors.append(float(np.abs(vectors[-1] - exact).max()))
     assert slope(counts, errors) == pytest.approx(-8.0, abs=0.7)
 
 

@@ -135,7 +135,7 @@ def test_recursions_and_derivatives_of_the_tensor_agree(
         energies = [float(metric.energy_density(q, v)) for metric in pair]
         assert energies[0] == pytest.approx(energies[1], rel=1e-12)
         geodesics = [metric.geodesic_equation(np.r_[q, v]).full()[n:, 0] for metric in pair]
-        transports = [metric.transport_matrix(np.r_[q, v]).full() @ w for metric in pair]
+        transports = [metric.transport_equation(w, np.r_[q, v]).full()[:, 0] for metric in pair]
         # As forces: terms cancel, and rounding is relative to the terms.
         G, gamma = pair[0].matrix(q), np.abs(pair[0].christoffel(q))
         for rates, other in ((geodesics, v), (transports, w)):
@@ -148,7 +148,7 @@ def test_recursions_and_derivatives_of_the_tensor_agree(
 
 def test_recursions_make_smaller_functions(arm: go.Model) -> None:
     """About half of the operations of derivatives of G."""
-    for name in ("energy_density", "geodesic_equation"):
+    for name in ("energy_density", "geodesic_equation", "transport_equation"):
         pair = [getattr(metric(arm), name).n_nodes() for metric in (go.KineticEnergy, FromTensor)]
         assert pair[0] < 0.6 * pair[1]
 

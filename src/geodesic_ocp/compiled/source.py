@@ -32,6 +32,8 @@ _CORE = (
 STAGES: int = DOP853.n_stages
 RK_A = np.array(DOP853.A, dtype=float)
 RK_B = np.array(DOP853.B, dtype=float)
+# Times of the stages within a step; the last is the end of the step.
+STAGE_TIMES = np.append(DOP853.C[:STAGES], 1.0)
 
 
 @lru_cache(maxsize=1)

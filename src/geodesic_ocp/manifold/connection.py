@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+import time
+from itertools import combinations, pairwise
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.errors import IntegrationFailed
+from geodesic_ocp.manifold.kernels import integrate_by_scipy
 from geodesic_ocp.manifold.metric import Metric, as_metric
 
-_MAX_STEPS = 4096  # between two breakpoints
-# The method of Gauss of order 8 on [0, 1] (Hairer, Norsett, Wanner, *Solving Ordinary Differential
-# Equations I*, 2nd ed., section II.7).
-_NODES, _WEIGHTS = (each / 2.0 for each in np.polynomial.legendre.leggauss(4))
-_NODES = _NODES + 0.5
-_POWERS = np.arange(1, 5)
-_STAGES = _NODES[:, None] ** _POWERS / _POWERS @ np.linalg.inv(_NODES[:, None] ** (_POWERS - 1))
+_MAX_STEPS = 20_000  # between two breakpoints
 
 
 class ParametricCurve(Protocol):
@@ -63,54 +60,78 @@ def parallel_transport(
     tolerance = as_positive("tolerance", tolerance)
     if np.shape(curve(stops[:1]))[-1] != metric.dim:
         raise ValueError(f"the curve must have the dimension of the metric, {metric.dim}")
+    size = float(np.linalg.norm(vector))
+    if size == 0.0:
+        return np.zeros(metric.dim)
     if metric.has_constant_tensor:
         metric.point("the curve's start", curve(stops[:1])[0])
         return vector
-    parts, before = 1, np.full(metric.dim, np.nan)
-    while True:
-        times, sizes = _gauss_points(stops, parts)
-        found = transport_by_steps(
-            metric, sizes, np.hstack([curve(times), curve(times, 1)]), vector
-        )
-        if np.abs(found - before).max() <= tolerance * np.linalg.norm(vector):
-            return found
-        if parts >= _MAX_STEPS or not np.all(np.isfinite(found)):
-            metric.check_domain_along("the curve", stops, curve(stops))
-            raise IntegrationFailed(
-                f"parallel transport: {parts} steps between two breakpoints of the curve do not "
-                f"reach a tolerance of {tolerance:.1e}; the metric is singular there, or the "
-                "tolerance cannot be reached"
-            )
-        parts, before = 2 * parts, found
+    transport = _compiled if metric.kernels.available(at_once=False) else _by_scipy
+    began = time.perf_counter()
+    try:
+        result = transport(metric, curve, vector / size, stops, 0.01 * tolerance)
+    except IntegrationFailed:
+        metric.check_domain_along("the curve", stops, curve(stops))
+        raise
+    if transport is _by_scipy:
+        metric.kernels.used(time.perf_counter() - began)
+    return np.asarray(size * result)
 
 
-def _gauss_points(stops: Array, parts: int) -> tuple[Array, Array]:
-    """Return times (k * 4,) of the stages and sizes (k,) of equal steps between two breakpoints."""
-    pieces = np.arange(stops.size)
-    ends = np.interp(np.arange(parts * pieces[-1] + 1) / parts, pieces, stops)
-    sizes = np.diff(ends)
-    return (ends[:-1, None] + sizes[:, None] * _NODES).ravel(), sizes
+def _by_scipy(
+    metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
+) -> Array:
+    """Return the vector transported along all stops, with adaptive steps of this tolerance."""
+    for start, stop in pairwise(stops):
 
+        def along(t: float, start: float = start, stop: float = stop) -> Array:
+            return _states(curve, np.array([t]), start, stop).T
 
-def transport_by_steps(metric: Metric, sizes: Array, curve: Array, vector: Array) -> Array:
-    """Transport w (n,) with the method of Gauss of order 8, and return it at the end.
-
-    The equation is linear, w' = A w: a step multiplies w by a matrix, found for all steps at once.
-
-    Args:
-        metric: metric of the curve.
-        sizes: of the steps (k,).
-        curve: positions and velocities (k * 4, 2 n) at the stages of each step.
-        vector: w at the start.
-    """
-    n, stages, h = vector.size, _NODES.size, sizes[:, None, None]
-    rates = metric.transport_matrices(curve).reshape(sizes.size, stages, n, n)
-    coupled = np.einsum("ij,kiab->kiajb", _STAGES, rates).reshape(sizes.size, stages * n, -1)
-    slopes = np.linalg.solve(np.eye(stages * n) - h * coupled, rates.reshape(len(h), -1, n))
-    changes = np.tensordot(slopes.reshape(rates.shape), _WEIGHTS, (1, 0))
-    for step in np.eye(n) + h * changes:
-        vector = step.dot(vector)
+        ends, rate = np.array([start, stop]), metric.transport_equation
+        try:
+            vector = integrate_by_scipy(rate, vector, ends, tolerance, along)[-1]
+        except IntegrationFailed as failure:
+            raise IntegrationFailed(f"parallel transport: {failure}") from None
     return vector
+
+
+def _states(curve: ParametricCurve, times: Array, start: ArrayLike, stop: ArrayLike) -> Array:
+    """Return positions and velocities (k, 2 n) at times (k,) between start and stop.
+
+    One-sided at the ends, to exclude the derivative of the adjacent piece.
+    """
+    middle, half = np.add(start, stop) / 2, np.subtract(stop, start) / 2
+    inside = middle + (1.0 - 1e-12) * np.clip(times - middle, -half, half)
+    return np.hstack([curve(inside), curve(inside, 1)])
+
+
+def _compiled(
+    metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
+) -> Array:
+    """Return the same, with equal steps between two stops, as many as each piece needs."""
+    counts = np.ones(len(stops) - 1, dtype=int)
+    while True:
+        piece = np.repeat(np.arange(counts.size), counts)
+        number = np.arange(piece.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        sizes = (np.diff(stops) / counts)[piece]
+        times = (stops[piece] + number * sizes)[:, None] + sizes[:, None] * STAGE_TIMES
+        starts, ends = (np.repeat(each[piece], STAGE_TIMES.size) for each in (stops, stops[1:]))
+        states = _states(curve, times.ravel(), starts, ends).reshape(*times.shape, -1)
+        vectors, errors = metric.kernels.transport(
+            sizes, np.ascontiguousarray(states), vector, tolerance
+        )
+        errors = np.maximum.reduceat(errors, np.cumsum(counts) - counts)
+        if np.all(errors <= 1.0):
+            return np.asarray(vectors[-1])
+        worst = int(np.argmax(errors))
+        if counts[worst] >= _MAX_STEPS:
+            raise IntegrationFailed(
+                f"parallel transport: between {stops[worst]:.6g} and {stops[worst + 1]:.6g}, "
+                f"{counts[worst]} steps do not reach a tolerance of {tolerance:.1e} per step; the "
+                "metric is singular there, or the tolerance cannot be reached"
+            )
+        factors = np.clip(errors ** (1 / 8) / 0.9, 1.0, 8.0)
+        counts = np.where(errors > 1.0, np.ceil(factors * counts).astype(int) + 1, counts)
 
 
 # Vectors are parallel if |u|^2 |v|^2 - <u, v>^2 is below this fraction of |u|^2 |v|^2.

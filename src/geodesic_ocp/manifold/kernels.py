@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import threading
 import time
+from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_long, c_void_p
 from functools import lru_cache
 from itertools import pairwise
@@ -58,18 +59,21 @@ def integrate_by_scipy(
     start: Array,
     times: Array,
     tolerance: float,
+    parameters: Callable[[float], Array] | None = None,
     max_steps: int = 20_000,
 ) -> Array:
-    """Return the solution of y' = f(y) from y(times[0]) = start.
+    """Return the solution of y' = f(y) or y' = f(y, p(t)) from y(times[0]) = start.
 
     The estimated error of every step is at most `tolerance`, absolute for components below one and
     relative above.
 
     Args:
-        rate: y -> y'.
+        rate: y -> y' or (y, p) -> y', where p is a known function of time, such as the position and
+            velocity of the curve in parallel transport.
         start: (n,).
         times: increasing (k,).
         tolerance: tolerance of a step.
+        parameters: p at a time.
         max_steps: largest number of steps.
 
     Returns:
@@ -80,7 +84,8 @@ def integrate_by_scipy(
     """
 
     def slope(t: float, y: Array) -> Array:
-        return np.asarray(rate(y).full()[:, 0])
+        p = [] if parameters is None else [parameters(t)]
+        return np.asarray(rate(y, *p).full()[:, 0])
 
     interval = float(times[-1] - times[0])
     states, taken, size = [np.array(start, dtype=float)], 0, interval / 8.0
@@ -238,6 +243,18 @@ class Kernels(Library):
         rows = [np.ascontiguousarray(each, dtype=float) for each in (q, velocity)]
         self._call("speeds_at", c_long(len(q)), *rows, result)
         return result
+
+    def transport(
+        self, sizes: Array, curve: Array, vector: Array, tolerance: float
+    ) -> tuple[Array, Array]:
+        """Transport w (n,) by steps of the given sizes (k,) along curve (k, 13, 2 n).
+
+        Returns w after every step (k, n) and the errors of the steps relative to the tolerance.
+        """
+        states, errors = np.empty((sizes.size, vector.size)), np.empty(sizes.size)
+        steps = c_long(sizes.size), sizes, curve
+        self._call("transport", *steps, vector, tolerance, states, errors)
+        return states, errors
 
     def transport_matrices(self, curve: Array) -> Array:
         """Return a (k, n, n) of parallel transport, w' = A w, along positions and velocities (k, 2

@@ -95,6 +95,13 @@ class MetricFunctions(ABC):
         return ca.Function("geodesic", [ca.vertcat(q, v)], [rate], ["y"], ["dy"])
 
     @cached_property
+    def transport_equation(self) -> ca.Function:
+        """Parallel transport: w (n,), p = (q, q') (2n,) of the curve -> w' (n,)."""
+        w, q, v = (ca.SX.sym(name, self.dim) for name in ("w", "q", "v"))
+        rate = self._transport_rate(q, v, w)
+        return ca.Function("transport", [w, ca.vertcat(q, v)], [rate], ["w", "p"], ["dw"])
+
+    @cached_property
     def transport_matrix(self) -> ca.Function:
         """(q, v) (2n,) -> A (n, n) of parallel transport along a curve, w' = A w."""
         q, v, w = (ca.SX.sym(name, self.dim) for name in ("q", "v", "w"))
@@ -148,12 +155,13 @@ class MetricFunctions(ABC):
         - metric_tensor: q -> G
         - metric_solve: (q, p) -> G^-1 p
         - geodesic_rate: (q, v) -> (v, v'), the geodesic equation
+        - transport_rate: (w, (q, v)) -> w', parallel transport
         - transport_matrix: (q, v) -> A, with w' = A w
         - energy_gradient: (q, v) -> l = v' G v / 2, and (l_q, l_v)
         - energy_hessian: (q, v) -> l, and (l_q, l_v, vec l_qq, vec l_qv, vec G)
         """
         n = self.dim
-        q, v, p = (ca.SX.sym(name, n) for name in "qvp")
+        q, v, w, p = (ca.SX.sym(name, n) for name in "qvwp")
         state, tensor = ca.vertcat(q, v), self._matrix_function(q)
         energy = self.energy_density(q, v)
         gradient = ca.gradient(energy, state)
@@ -164,6 +172,7 @@ class MetricFunctions(ABC):
             "metric_tensor": ([q], [tensor]),
             "metric_solve": ([q, p], [ca.ldl_solve(p, *ca.ldl(tensor, False))]),
             "geodesic_rate": ([state], [self.geodesic_equation(state)]),
+            "transport_rate": ([w, state], [self.transport_equation(w, state)]),
             "energy_gradient": ([state], [energy, gradient]),
             "energy_hessian": ([state], [energy, ca.vertcat(gradient, *blocks)]),
         }

@@ -1,6 +1,6 @@
 /* Adaptive integration with the method of order 8 of Dormand and Prince (DOP853: Hairer, Norsett,
    Wanner, Solving Ordinary Differential Equations I, 2nd ed., section II.5). The coefficients
-   RK_A, RK_B, RK_E5, RK_E3 come from SciPy. */
+   RK_A, RK_B, RK_E5, RK_E3 come from SciPy. The same algorithm as in manifold/integrator.py. */
 
 #define STAGES 12
 #define LARGEST_STATE (2 * N)
@@ -27,9 +27,11 @@ static void evaluate(rate_function rate, const double *y, const double *p, doubl
 }
 
 /* Slopes at all stages of a step of size h from y, whose slope k[0] is given; the end point, its
-   slope k[12] and Hairer's estimate of the error relative to the tolerance. */
-static double take_step(rate_function rate, int size, const double *y, double h, double tolerance,
-                        double k[STAGES + 1][LARGEST_STATE], double *end, double *work) {
+   slope k[12] and Hairer's estimate of the error relative to the tolerance. Where p is given, its
+   row s, of width np, belongs to stage s, the last to the end of the step. */
+static double take_step(rate_function rate, int size, const double *y, const double *p, int np,
+                        double h, double tolerance, double k[STAGES + 1][LARGEST_STATE],
+                        double *end, double *work) {
   double at[LARGEST_STATE], fifth = 0, third = 0;
   int i, j, s;
   for (s = 1; s < STAGES; s++) {
@@ -38,14 +40,14 @@ static double take_step(rate_function rate, int size, const double *y, double h,
       for (j = 0; j < s; j++) sum += RK_A[s][j] * k[j][i];
       at[i] = y[i] + h * sum;
     }
-    evaluate(rate, at, 0, k[s], work);
+    evaluate(rate, at, p ? p + s * np : 0, k[s], work);
   }
   for (i = 0; i < size; i++) {
     double sum = 0;
     for (j = 0; j < STAGES; j++) sum += RK_B[j] * k[j][i];
     end[i] = y[i] + h * sum;
   }
-  evaluate(rate, end, 0, k[STAGES], work);
+  evaluate(rate, end, p ? p + STAGES * np : 0, k[STAGES], work);
   for (i = 0; i < size; i++) {
     double of_fifth = 0, of_third = 0, scale = fmax(1, fmax(fabs(y[i]), fabs(end[i])));
     for (j = 0; j <= STAGES; j++) {
@@ -77,7 +79,7 @@ static int integrate(rate_function rate, int size, const double *start, int coun
     while (now < times[at]) {
       int is_last = h >= times[at] - now;
       double step = is_last ? times[at] - now : h, error, factor;
-      error = take_step(rate, size, y, step, tolerance, k, end, work);
+      error = take_step(rate, size, y, 0, 0, step, tolerance, k, end, work);
       if (error <= 1) {
         now = is_last ? times[at] : now + step;
         for (i = 0; i < size; i++) {
