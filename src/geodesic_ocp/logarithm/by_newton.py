@@ -5,8 +5,8 @@ Gauss quadrature. Coarse grids cost little and lead to the neighbourhood of a mi
 ones to a path whose initial velocity, from the momentum at its fixed first node, v0 = -G(q0)^-1
 dE/dq0 (the discrete Legendre transform of Marsden and West, Acta Numerica 2001), ends near the
 goal; a few integrations correct it, with the derivative dv0/dq1 from the Hessian. The compiled core
-does all of it in one call. The corrections here are those of shooting, and of geodesics that Ipopt
-finds (`by_ipopt`).
+does all of it in one call; without a compiler, Ipopt finds geodesics (`by_ipopt`), and the
+corrections of core/logarithm.h are those in NumPy here.
 """
 
 from __future__ import annotations
@@ -21,12 +21,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.manifold.exp import (
-    exp,
-    exp_with_derivative,
-    integrate_geodesic,
-    sample_geodesic,
-)
+from geodesic_ocp.manifold.exp import exp_with_derivative, integrate_geodesic, sample_geodesic
 from geodesic_ocp.manifold.kernels import Level, Tolerances
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.grid import Grid
@@ -42,17 +37,16 @@ _FINE_GRIDS = (Grid(16, 20), Grid(32, 20))
 MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesics of an arm
 _FAR = "integrated forward, it ends {:.1e} from the goal"
 ROUNDING = "rounding errors exceed the tolerance of its end point"
-# Tolerance of a step; by how much smaller it becomes where the integration's error stalls
-# corrections, and the smallest.
-STEP, _FINER, _SMALLEST = 1e-12, 30.0, 1e-15
+# Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
+STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-15
 _ROUNDS, _CONTRACTION, _NEAR = 20, 0.5, 1e-5
 # Error of the end point below which the integration's own error may be what remains.
 _STALLED = 1e-3
 _ROUNDED = 1e-6  # with the smallest tolerance of a step, it is rounding
 _UNIT_INTERVAL = np.array([0.0, 1.0])
-# Number of Newton steps, damping factors, required reduction of the endpoint error by a full step,
-# error from which corrections take over, integration tolerance until then.
-_MAX_SHOTS, _DAMPINGS, _REDUCTION = 12, (1.0, 0.5, 0.25, 0.125, 0.0625), 0.1
+# Number of Newton steps, smallest damping factor, required reduction of the endpoint error by a
+# full step, error from which corrections take over, integration tolerance until then.
+_MAX_SHOTS, _MIN_DAMPING, _REDUCTION = 12, 0.05, 0.1
 _CLOSE, _COARSE_TOLERANCE = 1e-7, 1e-9
 # Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the
 # metric that is worth reporting.
@@ -297,41 +291,42 @@ def likely_cause(metric: Metric, nodes: Array) -> str:
 
 
 def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
-    """Return the geodesic that Newton's method with step halving finds from an initial velocity, of
-    minimal energy or not.
+    """Return the geodesic that shooting finds from an initial velocity, of minimal energy or not.
 
     Raises:
         NotConverged: Newton's method found no geodesic that ends at q1.
     """
     try:
-        for _ in range(_MAX_SHOTS):
-            end, jacobian = exp_with_derivative(metric, q0, velocity, max_steps=MAX_STEPS)
-            error = end - q1
-            if np.abs(error).max() <= _CLOSE:
-                inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
-                corrected, _ = correct_velocity(metric, q0, q1, velocity, inverse)
-                if corrected is not None:
-                    return ConnectingGeodesic(q0, q1, corrected)
-                break
-            step, size = np.linalg.solve(jacobian, error), float(np.linalg.norm(error))
-            for damping in _DAMPINGS:
-                missed = _distance(metric, q0, velocity - damping * step, q1)
-                if missed <= (1.0 - _REDUCTION * damping) * size:
-                    break
-            else:
-                break
-            velocity = velocity - damping * step
+        return _shoot(metric, q0, q1, velocity)
     except (IntegrationFailed, np.linalg.LinAlgError) as failure:
         raise NotConverged(f"shooting from {velocity}: {failure}") from None
+
+
+def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
+    """Return Newton's method with step halving."""
+    for _ in range(_MAX_SHOTS):
+        end, jacobian = exp_with_derivative(metric, q0, velocity, max_steps=MAX_STEPS)
+        error = end - q1
+        if np.abs(error).max() <= _CLOSE:
+            inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
+            corrected, _ = correct_velocity(metric, q0, q1, velocity, inverse)
+            if corrected is not None:
+                return ConnectingGeodesic(q0, q1, corrected)
+            break
+        step, damping = np.linalg.solve(jacobian, error), 1.0
+        while damping > _MIN_DAMPING:
+            try:
+                changed = velocity - damping * step
+                missed = _end_point(metric, q0, changed, _COARSE_TOLERANCE) - q1
+            except IntegrationFailed:
+                missed = np.full_like(error, np.inf)
+            if np.linalg.norm(missed) <= (1.0 - _REDUCTION * damping) * np.linalg.norm(error):
+                break
+            damping /= 2.0
+        else:
+            break
+        velocity = velocity - damping * step
     raise NotConverged(f"shooting from {q0} with {velocity} does not reach {q1}")
-
-
-def _distance(metric: Metric, q0: Array, velocity: Array, q1: Array) -> float:
-    """Return how far Exp_q0(velocity) is from q1; infinite where there is no such point."""
-    try:
-        return float(np.linalg.norm(_end_point(metric, q0, velocity, _COARSE_TOLERANCE) - q1))
-    except IntegrationFailed:
-        return np.inf
 
 
 def correct_velocity(
@@ -340,37 +335,50 @@ def correct_velocity(
     """Correct the velocity (n,) until Exp_q0(velocity) is q1, with its derivative by q1 (n, n).
 
     Corrections end at an endpoint error of `wanted_error`, or where they gain nothing and the error
-    is at most TOLERANCE. The first integrations are coarser: where the first fine one meets the
-    goal after a correction by a coarse one, the two agree; otherwise a coarse one confirms it.
-    Where rounding may be what remains, `exp` does, which estimates its own error.
+    is at most TOLERANCE. The result was integrated with two different tolerances of the steps.
 
     Returns the velocity, or None and why there is none.
     """
     wanted, last, step, is_fine = wanted_error(q0, q1), np.inf, STEP, False
+    before = change = np.zeros_like(velocity)
     try:
-        for _ in range(_ROUNDS):
-            was_fine, is_fine = is_fine, last < _NEAR
-            tolerance = step if is_fine else _FINER * step
+        for number in range(_ROUNDS):
+            after_coarse, is_fine = not is_fine, last < _NEAR
+            tolerance = step if is_fine else _COARSER * step
             difference = _end_point(metric, q0, velocity, tolerance) - q1
             error = float(np.abs(difference).max())
-            is_stalled = not error < _CONTRACTION * last
-            velocity = velocity - by_goal @ difference
-            if is_fine and (error <= wanted or (is_stalled and error <= TOLERANCE)):
-                end = _end_point(metric, q0, velocity, _FINER * step) if was_fine else q1
-                if step == STEP and np.abs(end - q1).max() / 2.0 <= TOLERANCE:
-                    return velocity, ""
-                end = exp(metric, q0, velocity, tolerance=TOLERANCE)
-                return (velocity, "") if np.abs(end - q1).max() <= TOLERANCE else (None, ROUNDING)
-            if is_stalled and not error <= TOLERANCE:
+            if not (error < _CONTRACTION * last or error <= TOLERANCE):
                 if not error < _STALLED or step <= _SMALLEST:
                     return None, ROUNDING if error < _ROUNDED else _FAR.format(error)
-                step = max(_SMALLEST, step / _FINER)
+                step = max(_SMALLEST, step / _COARSER)
+            elif number:
+                by_goal = _update(by_goal, difference - before, change)
+            before, change = difference, -by_goal @ difference
+            velocity = velocity + change
+            if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
+                if step < STEP and not _survives_rounding(metric, q0, q1, velocity, step):
+                    return None, ROUNDING
+                end = q1 if after_coarse else _end_point(metric, q0, velocity, _COARSER * step)
+                if np.abs(end - q1).max() / 2.0 <= TOLERANCE:
+                    return velocity, ""
+                if step <= _SMALLEST:
+                    return None, ROUNDING
+                step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
             last = error
     except IntegrationFailed as failure:
-        if failure.time is None:
-            return None, ROUNDING
-        return None, f"its integration fails at s = {failure.time:.3g}"
+        place = "" if failure.time is None else f" at s = {failure.time:.3g}"
+        return None, f"its integration fails{place}"
     return None, _FAR.format(last)
+
+
+def _survives_rounding(metric: Metric, q0: Array, q1: Array, velocity: Array, step: float) -> bool:
+    """Return whether the geodesic meets the goal also after rounding of its velocity."""
+    change = 4.0 * np.spacing(np.abs(velocity))
+    try:
+        ends = [_end_point(metric, q0, velocity + s * change, step) for s in (-1.0, 1.0)]
+    except IntegrationFailed:
+        return False
+    return bool(np.abs(np.array(ends) - q1).max() <= TOLERANCE)
 
 
 def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> Array:
@@ -378,6 +386,15 @@ def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> 
         metric, q0, velocity, _UNIT_INTERVAL, tolerance, max_steps=MAX_STEPS
     )
     return np.asarray(positions[-1])
+
+
+def _update(inverse: Array, difference: Array, change: Array) -> Array:
+    """Return Broyden's second update of the inverse derivative."""
+    along, row = inverse @ difference, change @ inverse
+    product = float(change @ along)
+    if abs(product) <= 0.1 * float(change @ change):
+        return inverse
+    return inverse + np.outer(change - along, row) / product
 
 
 def wanted_error(q0: Array, q1: Array) -> float:
