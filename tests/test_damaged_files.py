@@ -211,12 +211,6 @@ def test_changed_values(
             "number Infinity is not finite",
         ),
         ("solution.json", ("stats", "energy"), None, r"`float`, got `null` - at `\$.stats.energy`"),
-        (
-            "solution.json",
-            ("nlp", "fixed_x", 0),
-            7,
-            r"`bool`, got `int` - at `\$.nlp.fixed_x\[0\]`",
-        ),
         ("trajectory.json", ("points", 0, "positions"), [10**400], "the number 10+ is not finite"),
     ],
 )

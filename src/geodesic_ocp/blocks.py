@@ -166,27 +166,23 @@ class Block:
         return self.terms.size_g * self.count
 
     @cached_property
-    def _matrix(self) -> tuple[Indices, Indices, Array]:
-        """Rows, columns and entries of the matrix A of all instances, in the order of rows."""
+    def _matrix(self) -> scipy.sparse.csr_array:
+        """Matrix A of all instances, with as many columns as it needs."""
         if isinstance(self.places, np.ndarray):
             size = self.places.size
-            return np.arange(size), self.places.ravel(), np.ones(size)
+            return scipy.sparse.csr_array((np.ones(size), self.places.ravel(), np.arange(size + 1)))
         if isinstance(self.places, Cells):
             rows, columns, entries = self.places.matrix
-        else:
-            matrix = self.places.tocoo()
-            rows, columns, entries = matrix.row.astype(np.int64), matrix.col, matrix.data
-        order = np.argsort(rows, kind="stable")
-        return rows[order], columns[order], entries[order]
+            shape = self.terms.size * self.num_places, columns.max() + 1
+            return scipy.sparse.csr_array((entries, (rows, columns)), shape)
+        return scipy.sparse.csr_array(self.places)
 
     def arguments(self, x: ca.MX | ca.DM) -> list[ca.MX | ca.DM]:
         """Return variables and parameters of all instances, one column each."""
-        rows, columns, entries = self._matrix
         if isinstance(self.places, np.ndarray):
-            z = x[columns.tolist()]
+            z = x[self.places.ravel().tolist()]
         else:
-            shape = self.terms.size * self.num_places, x.shape[0]
-            z = ca.DM.triplet(rows.tolist(), columns.tolist(), entries, *shape) @ x
+            z = as_dm(self._matrix) @ x[: self._matrix.shape[1]]
         z = ca.reshape(ca.densify(z), self.terms.size, self.num_places)
         if self.units is not None:
             offset, scale = (_columns(each) for each in self.units)
@@ -214,7 +210,7 @@ class Block:
         if self.units is not None:
             values = values * _columns(self.units[1])[at.tolist(), :]
         number, entry = self._expanded(self._of_instances(at))
-        return number, self._matrix[1][entry], self._matrix[2][entry], ca.vec(values)
+        return number, self._matrix.indices[entry], self._matrix.data[entry], ca.vec(values)
 
     def _of_instances(self, at: Indices) -> Indices:
         """Return rows of the matrix A for some of the variables of every instance, in order."""
@@ -230,7 +226,7 @@ class Block:
 
     def _expanded(self, rows: Indices) -> tuple[Indices, Indices]:
         """For rows of A, the number of the row in the list and each of its entries in `_matrix`."""
-        starts = np.searchsorted(self._matrix[0], np.arange(self.terms.size * self.num_places + 1))
+        starts = self._matrix.indptr
         lengths = np.diff(starts)[rows]
         number = np.repeat(np.arange(rows.size), lengths)
         within = np.arange(number.size) - np.repeat(np.cumsum(lengths) - lengths, lengths)
@@ -246,7 +242,7 @@ class Block:
         if isinstance(self.places, Cells):
             row, column, entries = self.places.hessians(pattern, values)
             return _Entries(row, column, entries)
-        _, columns, factors = self._matrix
+        columns, factors = self._matrix.indices, self._matrix.data
         number, one = self._expanded(self._of_instances(first))
         # Every entry of the one row of A with every entry of the other.
         again, other = self._expanded(self._of_instances(second)[number])
@@ -422,8 +418,8 @@ def _assembled(shape: tuple[int, int], parts: Sequence[_Entries]) -> ca.MX:
     """Return sparse matrix with the entries added up in their places."""
     if not parts:
         return ca.MX(*shape)
-    rows = np.concatenate([part.row for part in parts])
-    columns = np.concatenate([part.column for part in parts])
+    rows = np.concatenate([part.row for part in parts], dtype=np.int64)
+    columns = np.concatenate([part.column for part in parts], dtype=np.int64)
     entries, sources, factors, first = [], [], [], 0
     for part in parts:
         entries.append(ca.densify(part.values))

@@ -6,7 +6,8 @@ The project's own is made by tools/known_geodesics.py, which shares no code with
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, astuple, dataclass, fields, replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,17 +34,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Sphere(Metric):
-    """The unit sphere in colatitude t and longitude p [rad]: ds^2 = dt^2 + sin^2 t dp^2."""
-
-    dim = 2
-
-    def matrix(self, q: Any) -> Any:
-        """diag(1, sin^2 t), (2, 2)."""
-        return ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
-
-
-@dataclass(frozen=True)
 class HalfPlane(Metric):
     """The hyperbolic upper half-plane in (x, y): ds^2 = (dx^2 + dy^2) / y^2."""
 
@@ -52,17 +42,6 @@ class HalfPlane(Metric):
     def matrix(self, q: Any) -> Any:
         """Return the identity divided by y^2, (2, 2)."""
         return type(q).eye(2) / q[1] ** 2
-
-
-@dataclass(frozen=True)
-class PolarPlane(Metric):
-    """The Euclidean plane in radius r and angle p [rad]: ds^2 = dr^2 + r^2 dp^2."""
-
-    dim = 2
-
-    def matrix(self, q: Any) -> Any:
-        """diag(1, r^2), (2, 2)."""
-        return ca.diag(ca.vertcat(1.0, q[0] ** 2))
 
 
 @dataclass(frozen=True)
@@ -77,35 +56,13 @@ class SurfaceOfRevolution(Metric):
     """
 
     radius: Callable[[Any], Any]
-    stretch: Callable[[Any], Any]
+    stretch: Callable[[Any], Any] = lambda u: 1.0
 
     dim = 2
 
     def matrix(self, q: Any) -> Any:
         """diag(e(u)^2, r(u)^2), (2, 2)."""
         return ca.diag(ca.vertcat(self.stretch(q[0]) ** 2, self.radius(q[0]) ** 2))
-
-
-def cylinder(radius: float) -> SurfaceOfRevolution:
-    """Return the cylinder of a radius [m]; u is the height [m]."""
-    return SurfaceOfRevolution(lambda u: radius, lambda u: 1.0)
-
-
-def cone(half_angle: float) -> SurfaceOfRevolution:
-    """Return the cone whose sides are at half_angle [rad] to its axis; u is the distance to its
-    apex.
-    """
-    return SurfaceOfRevolution(lambda u: u * ca.sin(half_angle), lambda u: 1.0)
-
-
-def torus(major: float, minor: float) -> SurfaceOfRevolution:
-    """Get the torus of radii `major` and `minor` [m]; u is the angle about the tube, 0 outside."""
-    return SurfaceOfRevolution(lambda u: major + minor * ca.cos(u), lambda u: minor)
-
-
-def catenoid(neck: float) -> SurfaceOfRevolution:
-    """Return the catenoid r = neck cosh(z / neck) [m]; u is the height z [m]."""
-    return SurfaceOfRevolution(lambda u: neck * ca.cosh(u / neck), lambda u: ca.cosh(u / neck))
 
 
 def planar_arm(
@@ -149,16 +106,28 @@ def planar_arm(
     return load_model("".join(parts), hand="tip", backend=backend)
 
 
+# Names of the fields, and the surface of their values [m, rad]. In this order, u is the height, the
+# distance to the apex, the angle about the tube, 0 outside, and the height.
 _PROFILES: dict[str, tuple[tuple[str, ...], Callable[..., SurfaceOfRevolution]]] = {
-    "cylinder": (("radius",), cylinder),
-    "cone": (("half_angle",), cone),
-    "torus": (("major", "minor"), torus),
-    "catenoid": (("neck",), catenoid),
+    "cylinder": (("radius",), lambda radius: SurfaceOfRevolution(lambda u: radius)),
+    "cone": (("half_angle",), lambda angle: SurfaceOfRevolution(lambda u: u * ca.sin(angle))),
+    "torus": (
+        ("major", "minor"),
+        lambda major, minor: SurfaceOfRevolution(
+            lambda u: major + minor * ca.cos(u), lambda u: minor
+        ),
+    ),
+    "catenoid": (
+        ("neck",),
+        lambda neck: SurfaceOfRevolution(
+            lambda u: neck * ca.cosh(u / neck), lambda u: ca.cosh(u / neck)
+        ),
+    ),
 }
-_WITHOUT_FIELDS: dict[str, Callable[[], Metric]] = {
-    "sphere": Sphere,
-    "half-plane": HalfPlane,
-    "polar plane": PolarPlane,
+_WITHOUT_FIELDS: dict[str, Metric] = {
+    "sphere": SurfaceOfRevolution(ca.sin),
+    "half-plane": HalfPlane(),
+    "polar plane": SurfaceOfRevolution(lambda u: u),
 }
 _LINKS = ("lengths", "masses", "centres", "inertias")
 _FIELDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # those it needs, those it may have
@@ -169,12 +138,11 @@ _FIELDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # those it need
     "human arm": (("side", "height", "mass", "table"), ("sex",)),
     "urdf": (("file", "hand"), ("base", "joints")),
 }
-_OF_MODELS = ("planar arm", "human arm", "urdf")
 
 
 def has_model(description: Mapping[str, Any]) -> bool:
     """Return whether the metric is that of a model, so that it depends on the back end."""
-    return description.get("kind") in _OF_MODELS
+    return description.get("kind") in ("planar arm", "human arm", "urdf")
 
 
 def check_description(description: object) -> dict[str, Any]:
@@ -186,27 +154,27 @@ def check_description(description: object) -> dict[str, Any]:
     """
     if not isinstance(description, Mapping):
         raise ValueError(f"metric must be an object with a kind, got {description!r}")
-    fields = dict(description)
-    kind = fields.get("kind")
-    if not isinstance(kind, str) or kind not in _FIELDS:
-        raise ValueError(f"metric: kind must be one of {_listed(_FIELDS)}, got {kind!r}")
+    given = dict(description)
+    kind = _choice(given, "kind", _FIELDS)
     needed, possible = _FIELDS[kind]
     if kind == "surface of revolution":
-        profile = fields.get("profile")
-        if not isinstance(profile, str) or profile not in _PROFILES:
-            raise ValueError(
-                f"metric: profile must be one of {_listed(_PROFILES)}, got {profile!r}"
-            )
-        needed += _PROFILES[profile][0]
+        needed += _PROFILES[_choice(given, "profile", _PROFILES)][0]
     for name in needed:
-        if name not in fields:
+        if name not in given:
             raise ValueError(f"metric: {kind!r} needs {name!r}")
-    for name in fields:
+    for name in given:
         if name not in ("kind", *needed, *possible):
             raise ValueError(
                 f"metric: {kind!r} has no {name!r}, but {_listed((*needed, *possible))}"
             )
-    return fields
+    return given
+
+
+def _choice(given: Mapping[str, Any], name: str, known: Mapping[str, object]) -> str:
+    chosen = given.get(name)
+    if not isinstance(chosen, str) or chosen not in known:
+        raise ValueError(f"metric: {name} must be one of {_listed(known)}, got {chosen!r}")
+    return chosen
 
 
 def metric_of(description: Mapping[str, Any], backend: str | None = None) -> Metric:
@@ -219,21 +187,21 @@ def metric_of(description: Mapping[str, Any], backend: str | None = None) -> Met
     Raises:
         ValueError: an unknown kind, or fields that are not the kind's.
     """
-    fields = check_description(description)
-    kind = fields.pop("kind")
+    given = check_description(description)
+    kind = given.pop("kind")
     if kind in _WITHOUT_FIELDS:
-        return _WITHOUT_FIELDS[kind]()
+        return _WITHOUT_FIELDS[kind]
     if kind == "euclidean":
-        return Euclidean(fields["dim"])
+        return Euclidean(given["dim"])
     if kind == "surface of revolution":
-        names, profile = _PROFILES[fields["profile"]]
-        return profile(**{name: as_positive(name, fields[name]) for name in names})
+        names, profile = _PROFILES[given["profile"]]
+        return profile(*(as_positive(name, given[name]) for name in names))
     if kind == "planar arm":
-        figures = {name: _numbers(name, fields[name]) for name in _LINKS}
+        figures = {name: _numbers(name, given[name]) for name in _LINKS}
         return KineticEnergy(planar_arm(**figures, backend=backend))
     if kind == "human arm":
-        return KineticEnergy(human_arm(**fields, backend=backend))
-    return KineticEnergy(load_model(fields.pop("file"), **fields, backend=backend))
+        return KineticEnergy(human_arm(**given, backend=backend))
+    return KineticEnergy(load_model(given.pop("file"), **given, backend=backend))
 
 
 def _numbers(name: str, values: object) -> tuple[float, ...]:
@@ -248,8 +216,6 @@ def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
 
 BUNDLED = Path(__file__).resolve().parent / "data" / "known_geodesics.json"
 FORMAT, VERSION = "geodesic_ocp known geodesics", 1
-_NEEDED = ("name", "metric", "q0", "v0", "q1", "length", "log", "tolerances", "source")
-_POSSIBLE = ("points",)
 
 
 @dataclass(frozen=True)
@@ -305,11 +271,11 @@ def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[Known
     if not isinstance(entries, list) or not entries:
         raise ValueError(f'{path}: "entries" must be a list of at least one known geodesic')
     known: list[KnownGeodesic] = []
-    for number, fields in enumerate(entries, start=1):
-        named = isinstance(fields, dict) and isinstance(fields.get("name"), str)
-        what = f"entry {number} ({fields['name']!r})" if named else f"entry {number}"
+    for number, given in enumerate(entries, start=1):
+        named = isinstance(given, dict) and isinstance(given.get("name"), str)
+        what = f"entry {number} ({given['name']!r})" if named else f"entry {number}"
         try:
-            entry = _entry(fields, path.parent)
+            entry = _entry(given, path.parent)
         except ValueError as failure:
             raise ValueError(f"{path}: {what}: {failure}") from None
         if entry.name in (other.name for other in known):
@@ -318,38 +284,45 @@ def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[Known
     return tuple(known)
 
 
-def _entry(fields: object, folder: Path) -> KnownGeodesic:
-    if not isinstance(fields, dict):
-        raise ValueError(f"must be an object with the fields {', '.join(_NEEDED)}")
-    for name in _NEEDED:
-        if name not in fields:
+def _entry(given: object, folder: Path) -> KnownGeodesic:
+    needed = [each.name for each in fields(KnownGeodesic) if each.default is MISSING]
+    if not isinstance(given, dict):
+        raise ValueError(f"must be an object with the fields {', '.join(needed)}")
+    for name in needed:
+        if name not in given:
             raise ValueError(f"{name} is missing")
-    for name in fields:
-        if name not in (*_NEEDED, *_POSSIBLE):
-            raise ValueError(f"{name} is not a field; there are {', '.join(_NEEDED + _POSSIBLE)}")
-    for name in ("name", "source"):
-        if not isinstance(fields[name], str) or not fields[name].strip():
-            raise ValueError(f"{name} must be a text, got {fields[name]!r}")
-    if not isinstance(fields["log"], bool):
-        raise ValueError(f"log must be true or false, got {fields['log']!r}")
-    metric = check_description(fields["metric"])
-    if "file" in metric:
-        if not isinstance(metric["file"], str):
-            raise ValueError(f"metric: file must be a text, got {metric['file']!r}")
-        metric["file"] = str(folder / metric["file"])
-    q0 = _vector("q0", fields["q0"])
-    return KnownGeodesic(
-        fields["name"],
-        metric,
-        q0,
-        _vector("v0", fields["v0"], len(q0)),
-        _vector("q1", fields["q1"], len(q0)),
-        _number("length", fields["length"], as_positive),
-        fields["log"],
-        _tolerances(fields["tolerances"], fields["log"]),
-        fields["source"],
-        _points(fields.get("points", []), len(q0)),
+    for name in given:
+        if name not in _CONVERSIONS:
+            raise ValueError(f"{name} is not a field; there are {', '.join(_CONVERSIONS)}")
+    entry = KnownGeodesic(
+        **{name: _CONVERSIONS[name](name, value) for name, value in given.items()}
     )
+    lists = {"v0": entry.v0, "q1": entry.q1}
+    lists |= {f"points[{index}]: q": q for index, (_, q) in enumerate(entry.points)}
+    for name, numbers in lists.items():
+        if len(numbers) != len(entry.q0):
+            raise ValueError(
+                f"{name} must have {len(entry.q0)} numbers as q0 has, got {len(numbers)}"
+            )
+    for name in ("exp", "log") if entry.log else ("exp",):
+        if name not in entry.tolerances:
+            raise ValueError(f"tolerances: {name!r} is missing")
+    if "file" not in entry.metric:
+        return entry
+    file = _text("metric: file", entry.metric["file"])
+    return replace(entry, metric={**entry.metric, "file": str(folder / file)})
+
+
+def _text(name: str, value: object) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError(f"{name} must be a text, got {value!r}")
+    return value
+
+
+def _truth(name: str, value: object) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} must be true or false, got {value!r}")
+    return value
 
 
 def _number(name: str, value: object, convert: Callable[[str, Any], float] = as_number) -> float:
@@ -359,39 +332,44 @@ def _number(name: str, value: object, convert: Callable[[str, Any], float] = as_
     return convert(name, value)
 
 
-def _vector(name: str, values: object, size: int | None = None) -> tuple[float, ...]:
+def _vector(name: str, values: object) -> tuple[float, ...]:
     if not isinstance(values, list) or not values:
         raise ValueError(f"{name} must be a list of numbers, got {values!r}")
-    if size is not None and len(values) != size:
-        raise ValueError(f"{name} must have {size} numbers as q0 has, got {len(values)}")
     return tuple(_number(f"{name}[{index}]", value) for index, value in enumerate(values))
 
 
-def _tolerances(given: object, log: bool) -> dict[str, float]:
+def _tolerances(name: str, given: object) -> dict[str, float]:
     if not isinstance(given, dict) or not given.keys() <= {"exp", "log"}:
-        raise ValueError(f'tolerances must be an object with "exp" and "log", got {given!r}')
-    for name in ("exp", "log") if log else ("exp",):
-        if name not in given:
-            raise ValueError(f"tolerances: {name!r} is missing")
-    return {
-        name: _number(f"tolerances: {name}", value, as_positive) for name, value in given.items()
-    }
+        raise ValueError(f'{name} must be an object with "exp" and "log", got {given!r}')
+    return {each: _number(f"{name}: {each}", value, as_positive) for each, value in given.items()}
 
 
-def _points(given: object, size: int) -> tuple[tuple[float, tuple[float, ...]], ...]:
+def _points(name: str, given: object) -> tuple[tuple[float, tuple[float, ...]], ...]:
     if not isinstance(given, list):
-        raise ValueError(f'points must be a list of objects with "s" and "q", got {given!r}')
+        raise ValueError(f'{name} must be a list of objects with "s" and "q", got {given!r}')
     points: list[tuple[float, tuple[float, ...]]] = []
     for index, point in enumerate(given):
-        name = f"points[{index}]"
+        one = f"{name}[{index}]"
         if not isinstance(point, dict) or point.keys() != {"s", "q"}:
-            raise ValueError(f'{name} must be an object with "s" and "q", got {point!r}')
-        s = _number(f"{name}: s", point["s"])
+            raise ValueError(f'{one} must be an object with "s" and "q", got {point!r}')
+        s = _number(f"{one}: s", point["s"])
         if not (points[-1][0] if points else 0.0) < s < 1.0:
-            raise ValueError(f"{name}: s must be between 0 and 1 and above those before, got {s}")
-        points.append((s, _vector(f"{name}: q", point["q"], size)))
+            raise ValueError(f"{one}: s must be between 0 and 1 and above those before, got {s}")
+        points.append((s, _vector(f"{one}: q", point["q"])))
     return tuple(points)
 
+
+# Of the fields of `KnownGeodesic`, from their names and values in JSON.
+_CONVERSIONS: dict[str, Callable[[str, Any], Any]] = {
+    "name": _text,
+    "metric": lambda _, value: check_description(value),
+    **dict.fromkeys(("q0", "v0", "q1"), _vector),
+    "length": partial(_number, convert=as_positive),
+    "log": _truth,
+    "tolerances": _tolerances,
+    "source": _text,
+    "points": _points,
+}
 
 # A failure of any of these is the verdict on an entry, not the end of the check; CasADi's own
 # failures are RuntimeErrors.
@@ -437,51 +415,36 @@ def check_geodesic(known: KnownGeodesic, backend: str | None = None) -> list[Che
         ValueError: the back end is unknown or cannot be imported here.
     """
     used = choose_backend(backend) if has_model(known.metric) else None
-    allowed = known.tolerances["exp"]
+    start, tolerance = (known.q0, known.v0), known.tolerances["exp"]
+
+    def check(quantity: str, found: Callable[[], tuple[ArrayLike, ArrayLike]]) -> Check:
+        """Compare what is found and what is expected."""
+        allowed = known.tolerances["log"] if quantity == "log" else tolerance
+        try:
+            error, message = float(np.abs(np.subtract(*found())).max()), ""
+        except _FAILURES as failure:
+            error, message = np.inf, str(failure)
+        return Check(known.name, quantity, used or "-", error, allowed, message)
+
     try:
         metric = metric_of(known.metric, used)
-        errors = _errors(known, metric)
     except _FAILURES as failure:
-        return [Check(known.name, "metric", used or "-", np.inf, allowed, str(failure))]
-    checks = []
-    for quantity, error in errors.items():
-        tolerance = known.tolerances["log"] if quantity == "log" else allowed
-        try:
-            value, message = error(), ""
-        except _FAILURES as failure:
-            value, message = np.inf, str(failure)
-        checks.append(Check(known.name, quantity, used or "-", value, tolerance, message))
-    return checks
+        return [Check(known.name, "metric", used or "-", np.inf, tolerance, str(failure))]
 
+    def on_the_way() -> tuple[ArrayLike, ArrayLike]:
+        times, points = zip(*known.points, strict=True)
+        found, _ = sample_geodesic(metric, *start, [0.0, *times], tolerance=tolerance)
+        return found[1:], points
 
-def _errors(known: KnownGeodesic, metric: Metric) -> dict[str, Callable[[], float]]:
-    """For each quantity, how to find its error."""
-    tolerance = known.tolerances["exp"]
-
-    def of_exp() -> float:
-        return _apart(exp(metric, known.q0, known.v0, tolerance=tolerance), known.q1)
-
-    def of_length() -> float:
-        return _apart(metric.norm(known.q0, known.v0), known.length)
-
-    def on_the_way() -> float:
-        times = [0.0, *(s for s, _ in known.points)]
-        found, _ = sample_geodesic(metric, known.q0, known.v0, times, tolerance=tolerance)
-        return _apart(found[1:], [q for _, q in known.points])
-
-    def of_log() -> float:
-        return _apart(log(metric, known.q0, known.q1), known.v0)
-
-    errors = {"exp": of_exp, "length": of_length}
+    checks = [
+        check("exp", lambda: (exp(metric, *start, tolerance=tolerance), known.q1)),
+        check("length", lambda: (metric.norm(*start), known.length)),
+    ]
     if known.points:
-        errors["path"] = on_the_way
+        checks.append(check("path", on_the_way))
     if known.log:
-        errors["log"] = of_log
-    return errors
-
-
-def _apart(found: ArrayLike, expected: ArrayLike) -> float:
-    return float(np.abs(np.asarray(found) - np.asarray(expected)).max())
+        checks.append(check("log", lambda: (log(metric, known.q0, known.q1), known.v0)))
+    return checks
 
 
 def check_known_geodesics(
@@ -498,20 +461,9 @@ def check_known_geodesics(
 
 def table_of(checks: Iterable[Check]) -> DataFrame:
     """Return checks as a table."""
-    return new_table(
-        ("name", "quantity", "back end", "error", "tolerance", "verdict"),
-        tuple(
-            (
-                check.name,
-                check.quantity,
-                check.backend,
-                check.error,
-                check.tolerance,
-                "passed" if check.passed else "FAILED",
-            )
-            for check in checks
-        ),
-    )
+    header = ("name", "quantity", "back end", "error", "tolerance", "verdict")
+    verdicts = {True: "passed", False: "FAILED"}
+    return new_table(header, [(*astuple(each)[:5], verdicts[each.passed]) for each in checks])
 
 
 def run_check(file: str | PathLike[str] | None = None, backend: str | None = None) -> bool:

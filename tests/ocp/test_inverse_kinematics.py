@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
-from geodesic_ocp.ocp.pose_search import CollisionAvoidance
+from geodesic_ocp.ocp.pose_search import PoseSearch
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET = (0.1, 0.45, 0.1)  # [m]
@@ -32,9 +32,8 @@ def planar() -> go.Model:
 def test_nearest_configuration_lies_on_the_boundary_of_the_workspace() -> None:
     """With elbow flexion of at least half a radian, the hand reaches 2 cos(1/4) m."""
     arm = planar()
-    q = nearest_configuration(
-        arm, (0.1, 1.0), (0.0, 3.0, 0.0), None, (1.0, 1.0), True, CollisionAvoidance()
-    )
+    search = PoseSearch.checked("test", arm, (0.1, 1.0), (0.0, 3.0, 0.0), None)
+    q = nearest_configuration(search, (1.0, 1.0))
     reached = arm.hand_pose(q)[1]
     assert_allclose(reached, [0.0, 2.0 * np.cos(0.25), 0.0], atol=1e-4)
     assert q[1] == pytest.approx(0.5, abs=1e-6)
@@ -44,11 +43,9 @@ def test_weights_choose_between_position_and_rotation() -> None:
     arm = planar()
     rotation = np.diag([-1.0, -1.0, 1.0])
     position = (2.0 * np.cos(0.25), 0.0, 0.0)
+    search = PoseSearch.checked("test", arm, (0.1, 1.0), position, rotation)
     of_position, of_rotation = (
-        nearest_configuration(
-            arm, (0.1, 1.0), position, rotation, weights, True, CollisionAvoidance()
-        )
-        for weights in ((1e3, 1e-3), (1e-3, 1e3))
+        nearest_configuration(search, weights) for weights in ((1e3, 1e-3), (1e-3, 1e3))
     )
     assert_allclose(arm.hand_pose(of_position)[1], position, atol=1e-3)
     assert_allclose(arm.hand_pose(of_rotation)[0], rotation, atol=1e-3)

@@ -291,7 +291,7 @@ def test_violated_joint_limits_are_named_by_the_joint(arm: go.Model) -> None:
     inside = ElbowBounded(arm)
     terms = parse_conditions(inside)
     path = go.geodesic(inside.metric, np.zeros(7), [1.4, 0.2, -0.6, 0.9, 0.0, 0.0, 0.0])
-    found = find_violations(terms, path, arm.joint_names)
+    found = find_violations(terms, path)
     elbow = next(each for each in found if each.name == "elbow")
     assert str(elbow).startswith("joint REx_joint exceeds its upper limit 0.2 rad by ")
     assert elbow.value == pytest.approx(path(elbow.s)[3])

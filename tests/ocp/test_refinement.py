@@ -114,9 +114,8 @@ def test_low_degree_gives_the_guess_where_high_degrees_fail() -> None:
         failed = near and all(degree > 2 for degree, _, _ in seen)
         return replace(solution, stats=replace(solution.stats, success=not failed))
 
-    found = refine(
-        solve_on, violation_profile(parse_conditions(problem)), go.Grid(8, 4), 1e-5, None
-    )
+    profile = violation_profile(parse_conditions(problem))
+    found = refine(solve_on, profile, solve_on(go.Grid(8, 4), None, False), 1e-5, None)
     assert found.stats.success
     assert found.stats.max_path_violation <= 1e-5
     assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch, search_simultaneously
+from geodesic_ocp.ocp.pose_search import PoseSearch, search_simultaneously
 
 LOWER, UPPER = np.array([-np.pi, -2.0]), np.array([np.pi, 2.0])
 
@@ -59,10 +61,9 @@ def test_redundancy_serves_to_stay_near(arm: go.Model) -> None:
     box = start - 0.05, start + 0.05
 
     def within(place: np.ndarray) -> list[np.ndarray]:
-        given = arm, start + 0.03, place, rotation, CollisionAvoidance()
-        search = PoseSearch.checked("test", *given)
-        starts, weights = search.starts(box, 4), np.ones(6)
-        return search.simultaneously(box, starts, np.eye(3), weights, 1, np.inf)[0]
+        search = PoseSearch.checked("test", arm, start + 0.03, place, rotation)
+        search = replace(search, bounds=box)
+        return search.simultaneously(search.starts(4), np.ones(6), 1, np.inf)[0]
 
     q, *_ = within(position)
     assert np.all((q >= box[0]) & (q <= box[1]))

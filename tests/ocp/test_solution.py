@@ -33,15 +33,12 @@ def uneven() -> go.Path:
 def test_waypoints_are_equidistant(uneven: go.Path) -> None:
     points = uneven.resample(7)
     assert_allclose(points[:, 1], 0.2 + np.linspace(0.0, 1.0, 7), atol=1e-9)
-    assert_allclose(uneven.resample(5, by="s"), uneven(np.linspace(0.0, 1.0, 5)))
     assert_allclose(
         uneven.at_length(uneven.length * np.array([0.0, 0.25, 1.0])), [0.0, 0.5, 1.0], atol=1e-8
     )
     for count in (1, 2.5):
         with pytest.raises(ValueError, match="count must be an integer above one"):
             uneven.resample(count)
-    with pytest.raises(ValueError, match="by must be"):
-        uneven.resample(3, by="time")
     with pytest.raises(ValueError, match="lengths must be"):
         uneven.at_length([2.0 * uneven.length])
 

@@ -13,7 +13,7 @@ from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
-from geodesic_ocp.ocp.pose_search import CollisionAvoidance
+from geodesic_ocp.ocp.pose_search import PoseSearch
 from geodesic_ocp.retargeting.reachability import distances_beyond, reachability
 
 
@@ -65,10 +65,8 @@ def test_errors_are_those_of_inverse_kinematics(
     found = reachability(arm, go.retargeting.align(arm), rotations, positions)
     assert found.unreachable
     for each in found.unreachable:
-        q = nearest_configuration(
-            *(arm, np.zeros(7), positions[each.index], rotations[each.index], (1.0, 1.0)),
-            *(True, CollisionAvoidance()),
-        )
+        given = arm, np.zeros(7), positions[each.index], rotations[each.index]
+        q = nearest_configuration(PoseSearch.checked("test", *given), (1.0, 1.0))
         rotation, position = arm.hand_pose(q)
         angle = Rotation.from_matrix(rotation.T @ rotations[each.index]).magnitude()
         distance = np.linalg.norm(position - positions[each.index])

@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.resources import files
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
+from scipy.integrate import DOP853
 
 # What a library computes: its entry point, and the files in the order in which they use each other.
 CORES = {
@@ -35,26 +32,8 @@ CORES = {
 }
 
 
-def _coefficients() -> Any:
-    """Return SciPy's module of coefficients, read from its file without the rest of
-    scipy.integrate.
-
-    The import of that takes longer than all integrations of an analysis.
-    """
-    file = Path(scipy.__file__).parent / "integrate" / "_ivp" / "dop853_coefficients.py"
-    spec = spec_from_file_location("dop853_coefficients", file) if file.is_file() else None
-    if spec is None or spec.loader is None:
-        from scipy.integrate._ivp import dop853_coefficients
-
-        return dop853_coefficients
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-DOP853 = _coefficients()
-STAGES: int = DOP853.N_STAGES
-RK_A = np.array(DOP853.A[:STAGES, :STAGES], dtype=float)
+STAGES: int = DOP853.n_stages
+RK_A = np.array(DOP853.A, dtype=float)
 RK_B = np.array(DOP853.B, dtype=float)
 # Times of the stages within a step; the last is the end of the step.
 STAGE_TIMES = np.append(DOP853.C[:STAGES], 1.0)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.analysis_figure import widest_columns
 from geodesic_ocp.figures.arm_strip import draw_path_arms, moves_in_plane
 from geodesic_ocp.figures.styles import OBSERVED, PREDICTED, line_styles, new_figure
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
@@ -168,8 +169,7 @@ def limits_reached(path: Path, model: Model | None) -> list[list[float]]:
 
 def _draw_speed(axes: Axes, path: Path) -> None:
     s = np.linspace(0.0, 1.0, _SAMPLES)
-    function = path.metric.speed.map(s.size)
-    speeds = evaluate(function, path(s).T, path(s, 1).T).ravel()  # NaN where there is no metric
+    speeds = speeds_at(path.metric, path(s), path(s, 1))  # NaN where there is no metric
     axes.plot(s, speeds, **OBSERVED)
     # Rounding errors would fill the panel.
     if speeds.max() > 0.0 and np.ptp(speeds) <= 0.02 * speeds.max():

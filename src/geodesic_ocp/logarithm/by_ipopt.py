@@ -79,7 +79,7 @@ def _initial_velocity(metric: Metric, solution: Solution) -> tuple[Array, Array]
     extent = float(np.ptp(nodes, axis=0).max())
     units = Units(nodes[0], extent, extent**2)
     momentum, by_goal = evaluate(
-        solution.iterate.transcription.momentum,
+        solution.iterate.nlp.transcription.momentum,
         units.scaled(nodes).ravel(),
         units.parameters(solution.path.grid),
     )

@@ -305,9 +305,7 @@ def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> C
 def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
     """Return Newton's method with step halving."""
     for _ in range(_MAX_SHOTS):
-        end, jacobian = exp_with_derivative(
-            metric, q0, velocity, _COARSE_TOLERANCE, max_steps=MAX_STEPS
-        )
+        end, jacobian = exp_with_derivative(metric, q0, velocity, max_steps=MAX_STEPS)
         error = end - q1
         if np.abs(error).max() <= _CLOSE:
             inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
@@ -391,7 +389,7 @@ def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> 
 
 
 def _update(inverse: Array, difference: Array, change: Array) -> Array:
-    """Return broyden's second update of the inverse derivative."""
+    """Return Broyden's second update of the inverse derivative."""
     along, row = inverse @ difference, change @ inverse
     product = float(change @ along)
     if abs(product) <= 0.1 * float(change @ change):

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
-from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric_functions import MetricFunctions
 from geodesic_ocp.model.model import Model
 
@@ -64,7 +64,8 @@ def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
         return np.asarray(np.sqrt(squares))
     if metric.kernels.available(at_once=False):
         return metric.kernels.speeds(q, velocity)
-    return np.asarray(evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0])
+    energies = metric.energy_density.map(len(q))(q.T, velocity.T)
+    return np.asarray(ca.sqrt(2 * energies).full()[0])
 
 
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
@@ -317,12 +318,9 @@ def over_rows(function: Function) -> Function:
 def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -> Any:
     try:
         return function(**arguments)
-    except NotConverged as error:
-        raise NotConverged(f"row {row}: {error}", error.solution) from error
-    except IntegrationFailed as error:
-        raise IntegrationFailed(f"row {row}: {error}", error.time, error.state) from error
-    except ValueError as error:
-        raise ValueError(f"row {row}: {error}") from error
+    except (GeodesicOcpError, ValueError) as error:
+        error.args = (f"row {row}: {error}",)
+        raise
 
 
 def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:

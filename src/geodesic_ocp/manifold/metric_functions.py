@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from functools import cached_property
 from typing import Any
@@ -118,7 +119,9 @@ class MetricFunctions(ABC):
             return np.zeros((len(curve), n, n))
         if self.kernels.available(at_once=False):
             return self.kernels.transport_matrices(curve)
+        began = time.perf_counter()
         found = self.transport_matrix.map(len(curve))(curve.T).full()
+        self.kernels.used(time.perf_counter() - began)
         return np.asarray(found.reshape(n, len(curve), n).swapaxes(0, 1))
 
     @cached_property
@@ -142,13 +145,6 @@ class MetricFunctions(ABC):
         linear = second(w, u, z, v) + second(z, v, w, u) - second(z, u, w, v) - second(w, v, z, u)
         form = linear / 2 + product(w, u, z, v) - product(w, v, z, u)
         return ca.Function("R", [q, u, v, w, z], [ca.cse(form)])
-
-    @cached_property
-    def speed(self) -> ca.Function:
-        """(q, v) -> |v|_q."""
-        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
-        square = ca.dot(v, self._matrix_function(q) @ v)
-        return ca.Function("speed", [q, v], [ca.sqrt(square)], ["q", "v"], ["speed"])
 
     @cached_property
     def kernel_functions(self) -> dict[str, ca.Function]:
@@ -199,20 +195,3 @@ class MetricFunctions(ABC):
     def __getstate__(self) -> dict[str, Any]:
         state = self.__dict__.items()
         return {name: value for name, value in state if not name.endswith("kernels")}
-
-    @cached_property
-    def variation_equation(self) -> ca.Function:
-        """`geodesic_equation` with its derivatives by the initial velocity.
-
-        y = (q, v, dq/dv0, dv/dv0), (2 n + 2 n^2,), with the derivatives in column-major order.
-        """
-        n, x = self.dim, ca.SX.sym("x", 2 * self.dim)
-        derivative = ca.densify(ca.cse(ca.jacobian(self.geodesic_equation(x), x)))
-        jacobian = ca.Function("geodesic_jacobian", [x], [derivative])
-        y = ca.MX.sym("y", 2 * n + 2 * n * n)
-        state, fields = y[: 2 * n], y[2 * n :]
-        columns = ca.vertcat(ca.reshape(fields[: n * n], n, n), ca.reshape(fields[n * n :], n, n))
-        rate = self.geodesic_equation(state)
-        slopes = jacobian(state) @ columns
-        parts = [rate, ca.vec(slopes[:n, :]), ca.vec(slopes[n:, :])]
-        return ca.Function("variation", [y], [ca.vertcat(*parts)], ["y"], ["dy"])

@@ -39,19 +39,17 @@ class Iterate:
 Callback: TypeAlias = Callable[[Iterate], object]
 
 
-class IterationCallback(Relay):
-    """Passes every iterate to a function, as a path."""
+def relay_paths(nlp: NLP, callback: Callback) -> Relay:
+    """Return what passes every iterate to a function, as a path."""
 
-    def __init__(self, nlp: NLP, callback: Callback) -> None:
-        self._nlp, self._callback = nlp, callback
-        sizes = nlp.bounds.lower.size, nlp.bounds.lower_g.size, nlp.transcription.size_p
-        super().__init__(*sizes, self._pass_on)
+    def pass_on(number: int, values: dict[str, ca.DM]) -> object:
+        path = nlp.path(values["x"].full()[:, 0])
+        violation, _ = nlp.bounds.worst(path.nodes, values["g"].full()[:, 0])
+        objective = float(values["f"]) * nlp.units.scale
+        return callback(Iterate(number, objective, violation, path))
 
-    def _pass_on(self, number: int, values: dict[str, ca.DM]) -> object:
-        path = self._nlp.path(values["x"].full()[:, 0])
-        violation, _ = self._nlp.bounds.worst(path.nodes, values["g"].full()[:, 0])
-        objective = float(values["f"]) * self._nlp.units.scale
-        return self._callback(Iterate(number, objective, violation, path))
+    bounds = nlp.bounds
+    return Relay(bounds.lower.size, bounds.lower_g.size, nlp.transcription.size_p, pass_on)
 
 
 class LivePlot:

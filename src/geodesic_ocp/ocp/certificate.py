@@ -9,17 +9,18 @@ here from the Hessian of the discrete energy.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exp import exp
-from geodesic_ocp.ocp.conditions import NodeBounds
-from geodesic_ocp.ocp.problems import geodesic_structure
-from geodesic_ocp.ocp.transcription import Transcription, Units
+from geodesic_ocp.ocp.nlp import NLP
+from geodesic_ocp.ocp.problems import geodesic_definition
+from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -29,43 +30,34 @@ class FinalIterate:
     """Primal and dual variables of an NLP where the solver stopped.
 
     Attributes:
-        path: path of the iterate, in the problem's units.
-        transcription, units, p_values: the NLP, and the values of the problem's parameters.
-        x, lam_x, lam_g: variables and multipliers in the NLP's units.
-        fixed_x, fixed_g: where the lower bound equals the upper bound.
-        success: whether the solver accepted it as a solution.
-        energy_only: whether the problem has no running cost besides the energy.
+        nlp: the NLP.
+        x, lam_x, lam_g: variables and multipliers in its units.
     """
 
-    path: Path
-    transcription: Transcription
-    units: Units
-    p_values: Array
+    nlp: NLP
     x: Array
     lam_x: Array
     lam_g: Array
-    fixed_x: NDArray[np.bool_]
-    fixed_g: NDArray[np.bool_]
-    success: bool
-    energy_only: bool
 
-    @property
-    def p(self) -> Array:
-        """Parameters of the NLP."""
-        return self.units.parameters(self.path.grid, self.p_values)
+    @cached_property
+    def path(self) -> Path:
+        """Path of the iterate, in the problem's units."""
+        return self.nlp.path(self.x)
 
     def gradient(self) -> Array:
         """Return gradient of the objective."""
-        _, gradient = self.transcription.objective(self.x, self.p)
+        _, gradient = self.nlp.transcription.objective(self.x, self.nlp.p)
         return np.asarray(gradient.full()[:, 0])
 
     def hessian(self) -> Array:
         """Return Hessian of the Lagrangian."""
-        return self.transcription.full_hessian(self.x, self.p, self.lam_g)
+        return self.nlp.transcription.full_hessian(self.x, self.nlp.p, self.lam_g)
 
-    def constraint_jacobian(self) -> Array:
-        """Return Jacobian of the constraint functions."""
-        return np.asarray(self.transcription.constraints(self.x, self.p)[1].full())
+    @cached_property
+    def constraints(self) -> tuple[Array, Array]:
+        """Constraint functions and their Jacobian."""
+        g, jacobian = evaluate(self.nlp.transcription.constraints, self.x, self.nlp.p)
+        return g[:, 0], jacobian
 
 
 # Eigenvalues of the second variation that are smaller than the largest by this factor are rounding.
@@ -108,7 +100,7 @@ def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
         grid = _COARSER
     nodes = path.nodes if grid is path.grid and end == 1.0 else path(end * grid.nodes)
     # Not a problem with these ends, at which there may be no metric: the NLP is the same for all.
-    transcription = geodesic_structure(path.metric).transcription(grid)
+    transcription = geodesic_definition(path.metric).transcription(grid)
     extent = float(np.ptp(nodes, axis=0).max()) or 1.0
     energy = transcription.energy(grid, nodes)
     units = Units(nodes[0], extent, energy if 0.0 < energy < np.inf else 1.0)
@@ -259,32 +251,33 @@ def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
     )
 
 
-def certify_iterate(iterate: FinalIterate, bounds: NodeBounds) -> Certificate:
-    """Return the certificate of a solution among the paths that meet the problem's conditions."""
-    path, n = iterate.path, iterate.path.metric.dim
-    has_cost = not iterate.energy_only
-    momentum = -iterate.gradient()[:n] * iterate.units.scale / iterate.units.length
+def certify_iterate(iterate: FinalIterate, success: bool) -> Certificate:
+    """Return the certificate of a path among those that meet the problem's conditions.
+
+    Args:
+        iterate: where the solver stopped.
+        success: whether it is a solution.
+    """
+    nlp, path, n = iterate.nlp, iterate.path, iterate.path.metric.dim
+    has_cost = not nlp.conditions.cost.is_zero()
+    momentum = -iterate.gradient()[:n] * nlp.units.scale / nlp.units.length
     drift = _energy_drift(path)
     start = np.full(n, np.nan)
     if np.isfinite(drift):
         start = np.linalg.solve(path.metric.matrix(path.nodes[0]), momentum)
     error = _endpoint_error(path, start)
-    if not iterate.success or not np.isfinite(drift):
+    if not success or not np.isfinite(drift) or not _is_first_order(iterate):
         return Certificate(error, drift, False, None, has_running_cost=has_cost)
-
-    jacobian = iterate.constraint_jacobian()
-    if not _is_first_order(iterate, bounds, jacobian):
-        return Certificate(error, drift, False, None, has_running_cost=has_cost)
-    active_x, active_g = _active(iterate, jacobian)
+    active_x, active_g = _active(iterate)
     inner_are_free = np.sum(~active_x) == iterate.x.size - 2 * n and not np.any(active_x[n:-n])
-    if inner_are_free and not np.any(active_g) and iterate.energy_only:
+    if inner_are_free and not np.any(active_g) and not has_cost:
         # Also finds stationary points of a coarse discretization that are no geodesics.
         return replace(certify(path), endpoint_error=error)
-    along = active_g[iterate.transcription.size_ends :]
+    along = active_g[nlp.transcription.size_ends :]
     is_constrained = bool(np.any(along) or np.any(active_x[n:-n]))
-    if iterate.energy_only and not is_constrained and drift > _DRIFT:
+    if not has_cost and not is_constrained and drift > _DRIFT:
         return Certificate(error, drift, False, None)
-    reduced, _ = _reduced_hessian(iterate, jacobian, active_x, active_g)
+    reduced, _ = _reduced_hessian(iterate)
     _, index = stationarity_and_index(np.zeros(len(reduced)), reduced)
     along_x = active_x.reshape(-1, n).copy()
     along_x[[0, -1]] = along_x[[1, -2]]  # what fixes the ends does not act along the path
@@ -295,7 +288,7 @@ def certify_iterate(iterate: FinalIterate, bounds: NodeBounds) -> Certificate:
         morse_index=index,
         has_active_constraints=is_constrained,
         has_running_cost=has_cost,
-        switching_points=bounds.switching_points(path.grid, along_x.ravel(), active_g),
+        switching_points=nlp.bounds.switching_points(path.grid, along_x.ravel(), active_g),
     )
 
 
@@ -304,44 +297,40 @@ def descent_direction(iterate: FinalIterate) -> Array | None:
 
     Active conditions remain satisfied to first order. None: there is no such direction.
     """
-    jacobian = iterate.constraint_jacobian()
-    reduced, basis = _reduced_hessian(iterate, jacobian, *_active(iterate, jacobian))
+    reduced, basis = _reduced_hessian(iterate)
     if stationarity_and_index(np.zeros(len(reduced)), reduced)[1] == 0:
         return None
     direction = basis @ np.linalg.eigh(reduced)[1][:, 0]
     return np.asarray(direction / np.abs(direction).max())
 
 
-def _active(iterate: FinalIterate, jacobian: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which bounds of x, and which constraints, exert a force."""
+def _active(iterate: FinalIterate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which bounds of x, and which constraints, are equalities or exert a force."""
     # Multiplier times gradient is the force of a condition, whatever the condition's unit.
-    forces = np.abs(iterate.lam_g) * np.linalg.norm(jacobian, axis=1)
-    at_bound = iterate.fixed_x | (np.abs(iterate.lam_x) > _ACTIVE)
-    return at_bound, iterate.fixed_g | (forces > _ACTIVE)
+    forces = np.abs(iterate.lam_g) * np.linalg.norm(iterate.constraints[1], axis=1)
+    bounds = iterate.nlp.bounds
+    fixed_x, fixed_g = (bounds.lower == bounds.upper).ravel(), bounds.lower_g == bounds.upper_g
+    return fixed_x | (np.abs(iterate.lam_x) > _ACTIVE), fixed_g | (forces > _ACTIVE)
 
 
-def _reduced_hessian(
-    iterate: FinalIterate,
-    jacobian: Array,
-    active_x: NDArray[np.bool_],
-    active_g: NDArray[np.bool_],
-) -> tuple[Array, Array]:
+def _reduced_hessian(iterate: FinalIterate) -> tuple[Array, Array]:
     """Get the Lagrangian's Hessian (k, k) on the tangent space of active conditions; its basis."""
+    active_x, active_g = _active(iterate)
     basis = np.eye(iterate.x.size)[:, ~active_x]
     reduced = iterate.hessian()[np.ix_(~active_x, ~active_x)]
     if np.any(active_g):
-        normals = jacobian[np.ix_(active_g, ~active_x)]
+        normals = iterate.constraints[1][np.ix_(active_g, ~active_x)]
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SMALLEST)
         tangent = scipy.linalg.null_space(normals, rcond=_DEPENDENT)
         reduced, basis = tangent.T @ reduced @ tangent, basis @ tangent
     return reduced, basis
 
 
-def _is_first_order(iterate: FinalIterate, bounds: NodeBounds, jacobian: Array) -> bool:
+def _is_first_order(iterate: FinalIterate) -> bool:
     """Return whether forces balance, and multipliers have the signs of their bounds."""
+    (g, jacobian), bounds = iterate.constraints, iterate.nlp.bounds
     balance = iterate.gradient() + iterate.lam_x + jacobian.T @ iterate.lam_g
-    g = iterate.transcription.constraints(iterate.x, iterate.p)[0].full()[:, 0]
-    length, q = iterate.units.length, iterate.path.nodes
+    length, q = iterate.nlp.units.length, iterate.path.nodes
     sizes = np.maximum(np.linalg.norm(jacobian, axis=1), _SMALLEST)
     wrong = [np.abs(balance)]
     for force, scale, value, lower, upper in (

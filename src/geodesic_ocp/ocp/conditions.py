@@ -116,14 +116,14 @@ class NodeBounds(ShortRepr):
 
     Attributes:
         lower, upper: lower and upper of the positions at the nodes, (size, n).
-        ends: values to which the first and the last node are fixed, (n,) each, NaN if free.
+        ends: values to which the first and the last node are fixed, (2, n), NaN if free.
         lower_g, upper_g: lower and upper g of the constraint functions, in the order of the
             transcription.
     """
 
     lower: Array
     upper: Array
-    ends: tuple[Array, Array]
+    ends: Array
     lower_g: Array
     upper_g: Array
     _in_x: tuple[_Rows, ...]
@@ -144,17 +144,24 @@ class NodeBounds(ShortRepr):
         in_x = []
         for condition in conditions.bounds:
             columns = np.array(condition.coordinates)
-            for column, low, high in zip(columns, condition.lower, condition.upper, strict=True):
-                lower[:, column] = np.maximum(lower[:, column], low)
-                upper[:, column] = np.minimum(upper[:, column], high)
+            np.maximum.at(lower.T, columns, condition.lower[:, None])
+            np.minimum.at(upper.T, columns, condition.upper[:, None])
             in_x.append(_Rows(condition, n * np.arange(grid.size)[:, None] + columns))
 
-        ends = np.full(n, np.nan), np.full(n, np.nan)
+        ends = np.full((2, n), np.nan)
         for condition in conditions.fixed:
-            assert condition.coordinates is not None
-            for coordinate, value in zip(condition.coordinates, condition.lower, strict=True):
-                _fix(condition.name, coordinate, value, lower, upper, ends, joint_names)
             at_end, columns = np.divmod(np.array(condition.coordinates), n)
+            for end, column, value in zip(at_end, columns, condition.lower, strict=True):
+                low, high = lower[-end, column], upper[-end, column]
+                if not low - _TOLERANCE <= value <= high + _TOLERANCE:
+                    which = (
+                        f"joint {joint_names[column]}" if joint_names else f"coordinate {column}"
+                    )
+                    raise ValueError(
+                        f"{condition.name}: {which} is fixed at {value:.6g} at the path's "
+                        f"{('start', 'end')[end]}, outside its bounds {low:.6g} to {high:.6g}"
+                    )
+                lower[-end, column] = upper[-end, column] = ends[end, column] = value
             in_x.append(_Rows(condition, (columns + at_end * n * (grid.size - 1))[None, :]))
 
         at_via = tuple(condition for at_one in conditions.via for condition in at_one)
@@ -208,28 +215,6 @@ class NodeBounds(ShortRepr):
     def _all_rows(self, x: NDArray[Any], g: NDArray[Any]) -> Iterator[tuple[_Rows, NDArray[Any]]]:
         yield from ((rows, x.ravel()) for rows in self._in_x)
         yield from ((rows, g) for rows in self._in_g)
-
-
-def _fix(
-    name: str,
-    coordinate: int,
-    value: float,
-    lower: Array,
-    upper: Array,
-    ends: tuple[Array, Array],
-    joint_names: Sequence[str] | None,
-) -> None:
-    """Fix a coordinate of the first node (0 to n - 1) or the last (n to 2 n - 1) in the arrays."""
-    end, column = divmod(coordinate, lower.shape[1])
-    node, word = ((0, "start"), (-1, "end"))[end]
-    low, high = lower[node, column], upper[node, column]
-    if not low - _TOLERANCE <= value <= high + _TOLERANCE:
-        which = f"coordinate {column}" if joint_names is None else f"joint {joint_names[column]}"
-        raise ValueError(
-            f"{name}: {which} is fixed at {value:.6g} at the path's {word}, outside "
-            f"its bounds {low:.6g} to {high:.6g}"
-        )
-    lower[node, column] = upper[node, column] = ends[end][column] = value
 
 
 def _interleaved(group: Sequence[Condition], count: int, start: int) -> Iterator[_Rows]:

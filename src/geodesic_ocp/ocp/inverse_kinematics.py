@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,7 @@ _FEW, _LAST_RESORT = 2, 6  # configurations that are too few, and further starts
 _BEST = 4  # starts of Ipopt for a pose out of reach, from different configurations
 _DIFFERENT = 0.3  # [rad or m]
 _REACHED = 1e-6  # [m] and [rad]
+_PARTS = ((0, "position", "m"), (3, "rotation", "rad"))  # first rows, names and units
 # Among configurations with the same pose error, the one near the start: too small a weight to
 # change the pose error.
 _STAY = 1e-6
@@ -65,44 +68,32 @@ def inverse_kinematics(
         [0.1, 0.45, -0.05]
     """
     collisions = CollisionAvoidance.checked(obstacles, links, pairs, margin)
-    q = inverse_kinematics_solutions(
-        model, near, position, rotation, limits, free, collisions, _ENOUGH
-    )[0]
+    given = model, near, position, rotation
+    options: dict[str, Any] = {"limits": limits, "free": free, "collisions": collisions}
+    search = PoseSearch.checked("inverse_kinematics", *given, **options)
+    q = configurations(search, _ENOUGH)[0]
     if not collisions.is_empty:
         return q
-    search = PoseSearch.checked("inverse_kinematics", model, near, position, rotation, collisions)
-    axes, bound = search.axes_and_bound(free)
-    (exact,) = search.outcomes(limits, [q], axes, np.zeros(6), 1.0, bound)
+    (exact,) = search.outcomes([q], np.zeros(len(search.rows)), 1.0)
     nearer = np.linalg.norm(exact.q - search.near) <= np.linalg.norm(q - search.near)
-    return exact.q if exact.success and exact.error(bound) <= _REACHED and nearer else q
+    return exact.q if exact.success and exact.error <= _REACHED and nearer else q
 
 
-def inverse_kinematics_solutions(
-    model: Model,
-    near: ArrayLike,
-    position: ArrayLike | None,
-    rotation: ArrayLike | None,
-    limits: bool,
-    free: ArrayLike | None,
-    collisions: CollisionAvoidance,
-    enough: int,
-    settled: float = 1e-2,
-    least: int = 1,
+def configurations(
+    search: PoseSearch, enough: int, settled: float = 1e-2, least: int = 1
 ) -> list[Array]:
     """Return at least `least` configurations with a hand pose, if there are as many, from several
     starts.
 
     They are sorted by their distance from `near`, which is also the first start. Each is near to a
     local minimum of that distance, not exactly at it: the search still moves by `settled` a step.
+
+    Raises:
+        NotConverged: no such configuration was found.
     """
-    search = PoseSearch.checked("inverse_kinematics", model, near, position, rotation, collisions)
-    axes, bound = search.axes_and_bound(free)
-    bounds = search.bounds(limits)
-    starts = search.starts(bounds, _STARTS)
-    weights = (bound == 0.0).astype(float)
-    found, others, smallest = search.simultaneously(
-        bounds, starts, axes, weights, enough, settled, least
-    )
+    starts, collisions = search.starts(_STARTS), search.collisions
+    weights = (search.bound == 0.0).astype(float)
+    found, others, smallest = search.simultaneously(starts, weights, enough, settled, least)
     candidates: list[Array] = []
     if not collisions.is_empty:
         candidates, found, smallest = [*found, *starts], [], np.inf
@@ -110,59 +101,45 @@ def inverse_kinematics_solutions(
         # Joints that stop at their limits can trap that search, not Ipopt's interior points.
         candidates = [starts[0], *others[len(found) :][:1], *starts[-_LAST_RESORT:]]
         enough = len(found) + _FEW + 1
-    for outcome in search.outcomes(limits, candidates, axes, np.zeros(6), 1.0, bound):
-        error = outcome.error(bound)
-        smallest = min(smallest, error)
-        if outcome.success and error <= _REACHED:
+    for outcome in search.outcomes(candidates, np.zeros(len(search.rows)), 1.0):
+        smallest = min(smallest, outcome.error)
+        if outcome.success and outcome.error <= _REACHED:
             found.append(outcome.q)
             if len(found) == enough:
                 break
     if not found:
-        given = {"position": position, "rotation": rotation}
-        what = [name for name, value in given.items() if value is not None]
-        unit = "m or rad" if len(what) > 1 else {"position": "m", "rotation": "rad"}[what[0]]
+        units = {name: unit for row, name, unit in _PARTS if row in search.rows}
         raise NotConverged(
-            f"no configuration of {model.name!r}{' within its limits' if limits else ''}"
+            f"no configuration of {search.model.name!r}"
+            f"{' within its limits' if search.limits else ''}"
             f"{'' if collisions.is_empty else ', clear of collision bodies,'} was found for the "
-            f"hand's {' and '.join(what)}: the smallest error reached is {smallest:.3g} {unit}"
+            f"hand's {' and '.join(units)}: the smallest error reached is {smallest:.3g} "
+            f"{' or '.join(units.values())}"
         )
     return sorted(found, key=lambda q: float(np.linalg.norm(q - search.near)))
 
 
-def nearest_configuration(
-    model: Model,
-    near: ArrayLike,
-    position: ArrayLike | None,
-    rotation: ArrayLike | None,
-    weights: tuple[float, float],
-    limits: bool,
-    collisions: CollisionAvoidance,
-) -> Array:
+def nearest_configuration(search: PoseSearch, weights: tuple[float, float]) -> Array:
     """Return the configuration (n,) whose hand pose is nearest to one that may be out of reach.
 
     min (a |p - position|)^2 + (b angle)^2 with weights (a, b) [1/m], [1/rad], from several starts;
     the angle is that of the rotation between the two poses.
 
     Raises:
-        ValueError: wrong shapes or values, or neither position nor rotation.
         NotConverged: no start led to a configuration that is clear of the collision bodies.
     """
-    search = PoseSearch.checked(
-        "nearest_configuration", model, near, position, rotation, collisions
-    )
-    bound = np.full(len(search.rows), np.inf)
-    each = np.repeat(weights, 3)
-    bounds = search.bounds(limits)
-    starts = search.starts(bounds, _STARTS_NEAREST)
-    rows = each[list(search.rows)]
-    _, nearest, _ = search.simultaneously(bounds, starts, np.eye(3), rows, len(starts))
+    search = replace(search, bound=np.full(len(search.rows), np.inf))
+    rows = np.repeat(weights, 3)[list(search.rows)]
+    starts = search.starts(_STARTS_NEAREST)
+    _, nearest, _ = search.simultaneously(starts, rows, len(starts))
     best: list[Array] = []
     for q in nearest:
         if len(best) < _BEST and all(np.abs(q - other).max() > _DIFFERENT for other in best):
             best.append(q)
-    starts = best if collisions.is_empty else [*best, *starts]
-    outcomes = search.outcomes(limits, starts, np.eye(3), each, _STAY, bound)
-    found = [outcome for outcome in outcomes if outcome.success]
+    starts = best if search.collisions.is_empty else [*best, *starts]
+    found = [outcome for outcome in search.outcomes(starts, rows, _STAY) if outcome.success]
     if not found:
-        raise NotConverged(f"no configuration of {model.name!r} was found near the hand pose")
+        raise NotConverged(
+            f"no configuration of {search.model.name!r} was found near the hand pose"
+        )
     return min(found, key=lambda outcome: outcome.objective).q

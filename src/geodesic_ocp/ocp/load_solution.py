@@ -14,7 +14,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.ocp.certificate import FinalIterate
-from geodesic_ocp.ocp.conditions import Conditions
+from geodesic_ocp.ocp.conditions import NodeBounds
+from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import (
     FORMAT,
@@ -39,13 +40,9 @@ class _IterateRecord:
     origin: Array
     length: float
     scale: float
-    energy_only: bool
-    p_values: Array
     x: Array
     lam_x: Array
     lam_g: Array
-    fixed_x: list[bool]
-    fixed_g: list[bool]
 
 
 @dataclass(eq=False)
@@ -179,40 +176,22 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
 
 
 def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
-    nlp, definition = record.nlp, problem.definition()
-    path = Path(problem.metric, record.grid, record.nodes)
-    conditions = definition.conditions
-    if len(record.grid.via_segments) != len(conditions.via):
+    saved, definition, grid = record.nlp, problem.definition(), record.grid
+    path = Path(problem.metric, grid, record.nodes)
+    conditions, n = definition.conditions, problem.metric.dim
+    if len(grid.via_segments) != len(conditions.via):
         raise ValueError(
-            f"the path has {len(record.grid.via_segments)} via points, not {len(conditions.via)}"
+            f"the path has {len(grid.via_segments)} via points, not {len(conditions.via)}"
         )
-    iterate = FinalIterate(
-        path,
-        definition.structure.transcription(record.grid),
-        Units(nlp.origin, nlp.length, nlp.scale),
-        nlp.p_values,
-        x=nlp.x,
-        lam_x=nlp.lam_x,
-        lam_g=nlp.lam_g,
-        fixed_x=np.array(nlp.fixed_x, dtype=bool),
-        fixed_g=np.array(nlp.fixed_g, dtype=bool),
-        success=record.stats.success,
-        energy_only=nlp.energy_only,
-    )
-    _check_sizes(iterate, conditions)
-    found = find_violations(conditions, path, problem.metric.joint_names)
-    return Solution(problem, path, record.stats, record.multipliers, found, iterate)
-
-
-def _check_sizes(iterate: FinalIterate, conditions: Conditions) -> None:
-    """ValueError if the arrays do not fit an NLP with these conditions on the grid."""
-    n, grid = iterate.path.metric.dim, iterate.path.grid
-    size_g = iterate.transcription.program.size_g
-    sizes = {"x": n * grid.size, "lam_x": n * grid.size, "fixed_x": n * grid.size}
-    sizes |= {"lam_g": size_g, "fixed_g": size_g, "p_values": conditions.p_values.size}
+    bounds = NodeBounds.on_grid(conditions, grid, problem.metric.joint_names)
+    sizes = {"x": path.nodes.size, "lam_x": path.nodes.size, "lam_g": bounds.lower_g.size}
     for name, size in sizes.items():
-        if getattr(iterate, name).shape != (size,):
+        if getattr(saved, name).shape != (size,):
             raise ValueError(f"nlp.{name} must be {size} numbers")
-    units = iterate.units
-    if units.origin.shape != (n,) or not (units.length > 0.0 and units.scale > 0.0):
+    if saved.origin.shape != (n,) or not (saved.length > 0.0 and saved.scale > 0.0):
         raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
+    units = Units(saved.origin, saved.length, saved.scale)
+    nlp = NLP(definition, definition.transcription(grid), grid, bounds, units, path.nodes)
+    iterate = FinalIterate(nlp, saved.x, saved.lam_x, saved.lam_g)
+    found = find_violations(conditions, path)
+    return Solution(problem, path, record.stats, record.multipliers, found, iterate)

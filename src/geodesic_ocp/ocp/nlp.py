@@ -18,31 +18,11 @@ from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 
-@dataclass(frozen=True)
-class Structure:
-    """The expressions of a problem, without the numbers that may change from solve to solve.
-
-    Attributes:
-        key: equal for problems that share one NLP; None if the NLP is not shared.
-        metric: metric of the manifold.
-        conditions: conditions of the problem.
-    """
-
-    key: Hashable
-    metric: Metric = field(compare=False)
-    conditions: Conditions = field(compare=False)
-
-    def transcription(self, grid: Grid) -> Transcription:
-        """Return the NLP on all grids of this shape, built once for all problems with this key."""
-        even = replace(grid, ends=None)
-        if self.key is None:
-            return Transcription(_unshared_terms(self.metric, self.conditions), even)
-        return _shared(self, even)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class ProblemDefinition(ShortRepr):
     """Everything about a problem that its NLP is built from.
+
+    Definitions with one key are equal: they have the same expressions, and may differ in numbers.
 
     Attributes:
         metric: metric of the manifold.
@@ -53,18 +33,20 @@ class ProblemDefinition(ShortRepr):
         grid: to solve on unless another is requested.
     """
 
-    metric: Metric
-    conditions: Conditions
-    guess: Callable[[Array], Array | None]
-    via_parameters: tuple[float, ...] | None
+    metric: Metric = field(compare=False)
+    conditions: Conditions = field(compare=False)
+    guess: Callable[[Array], Array | None] = field(compare=False)
+    via_parameters: tuple[float, ...] | None = field(compare=False)
     key: Hashable
-    grid: Grid
+    grid: Grid = field(compare=False)
     _shown = ("metric", "grid")
 
-    @property
-    def structure(self) -> Structure:
-        """The expressions alone."""
-        return Structure(self.key, self.metric, self.conditions)
+    def transcription(self, grid: Grid) -> Transcription:
+        """Return the NLP on all grids of this shape, built once for all problems with this key."""
+        even = replace(grid, ends=None)
+        if self.key is None:
+            return Transcription(_unshared_terms(self.metric, self.conditions), even)
+        return _shared(self, even)
 
 
 # Differentiating takes longest, and the derivatives are the same on every grid.
@@ -72,13 +54,13 @@ _unshared_terms = lru_cache(maxsize=4)(PathTerms.of)
 
 
 @lru_cache(maxsize=32)
-def _shared_terms(structure: Structure) -> PathTerms:
-    return PathTerms.of(structure.metric, structure.conditions)
+def _shared_terms(definition: ProblemDefinition) -> PathTerms:
+    return PathTerms.of(definition.metric, definition.conditions)
 
 
 @lru_cache(maxsize=32)
-def _shared(structure: Structure, grid: Grid) -> Transcription:
-    return Transcription(_shared_terms(structure), grid)
+def _shared(definition: ProblemDefinition, grid: Grid) -> Transcription:
+    return Transcription(_shared_terms(definition), grid)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,12 +90,17 @@ class NLP(ShortRepr):
         return self.definition.conditions
 
     @property
+    def p(self) -> Array:
+        """Parameters of the NLP."""
+        return self.units.parameters(self.grid, self.conditions.p_values)
+
+    @property
     def values(self) -> dict[str, Array]:
         """Numerical arguments for a CasADi solver: x0, p, lbx, ubx, lbg, ubg."""
         units, bounds = self.units, self.bounds
         return {
             "x0": units.scaled(self.nodes).ravel(),
-            "p": units.parameters(self.grid, self.conditions.p_values),
+            "p": self.p,
             "lbx": units.scaled(bounds.lower).ravel(),
             "ubx": units.scaled(bounds.upper).ravel(),
             "lbg": bounds.lower_g,
@@ -177,27 +164,20 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     conditions, metric = definition.conditions, definition.metric
     grid = _with_via_points(definition, grid, guess)
     bounds = NodeBounds.on_grid(conditions, grid, metric.joint_names)
-    transcription = definition.structure.transcription(grid)
-    _check_fixed_ends(conditions, bounds)
+    transcription = definition.transcription(grid)
+    _check_fixed_ends(conditions, metric, bounds)
     nodes = _initial_nodes(definition, grid, bounds, guess)
     units = _units(definition, transcription, grid, nodes)
     return NLP(definition, transcription, grid, bounds, units, nodes)
 
 
-def _check_fixed_ends(conditions: Conditions, bounds: NodeBounds) -> None:
+def _check_fixed_ends(conditions: Conditions, metric: Metric, bounds: NodeBounds) -> None:
     """ValueError if an end whose coordinates are all fixed violates a path constraint."""
-    for s, end in enumerate(bounds.ends):
+    for s, (word, end) in enumerate(zip(("start", "end"), bounds.ends, strict=True)):
         if not np.any(np.isnan(end)):
-            violated = [
-                each
-                for each in violations_at(conditions, end, float(s))
-                if each.amount > NEGLIGIBLE
-            ]
-            if violated:
-                word = ("start", "end")[s]
-                raise ValueError(
-                    f"the given {word} violates a constraint: {'; '.join(map(str, violated))}"
-                )
+            found = violations_at(conditions, metric, end, float(s))
+            if violated := [str(each) for each in found if each.amount > NEGLIGIBLE]:
+                raise ValueError(f"the given {word} violates a constraint: {'; '.join(violated)}")
 
 
 def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | None) -> Grid:

@@ -172,27 +172,16 @@ def rotation_log(rotation: ca.SX) -> ca.SX:
     zero occurs (Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1, 1978). At
     pi, where the axis is defined up to its sign, one of both is returned; the norm is right.
     """
-    trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
-    diagonal = [trace, rotation[0, 0], rotation[1, 1], rotation[2, 2]]
-    skew = [
-        rotation[2, 1] - rotation[1, 2],
-        rotation[0, 2] - rotation[2, 0],
-        rotation[1, 0] - rotation[0, 1],
-    ]
-    mixed = {(i, j): rotation[i, j] + rotation[j, i] for i, j in ((0, 1), (0, 2), (1, 2))}
-    rows: list[list[ca.SX]] = [[ca.SX(0), *skew], [skew[0], ca.SX(0), mixed[0, 1], mixed[0, 2]]]
-    rows.append([skew[1], mixed[0, 1], ca.SX(0), mixed[1, 2]])
-    rows.append([skew[2], mixed[0, 2], mixed[1, 2], ca.SX(0)])
-    candidates = []
-    for index, row in enumerate(rows):
-        square = 1 + 2 * diagonal[index] - trace if index else 1 + trace
-        pivot = ca.sqrt(ca.fmax(square, 0.5)) / 2  # the largest square is at least one
-        entries = [pivot if k == index else each / (4 * pivot) for k, each in enumerate(row)]
-        candidates.append(ca.vertcat(*entries))
-    quaternion, largest = candidates[0], diagonal[0]
-    for candidate, square in zip(candidates[1:], diagonal[1:], strict=True):
-        quaternion = ca.if_else(square > largest, candidate, quaternion)
-        largest = ca.fmax(square, largest)
+    skew, trace = rotation - rotation.T, ca.trace(rotation)
+    turn = ca.vertcat(skew[2, 1], skew[0, 2], skew[1, 0])
+    symmetric = rotation + rotation.T + (1 - trace) * ca.SX.eye(3)
+    # 4 q q' for the unit quaternion q: a column is q times a number.
+    products = ca.blockcat([[1 + trace, turn.T], [turn, symmetric]])
+    column, largest = products[:, 0], products[0, 0]
+    for k in (1, 2, 3):
+        column = ca.if_else(products[k, k] > largest, products[:, k], column)
+        largest = ca.fmax(products[k, k], largest)
+    quaternion = column / ca.norm_2(column)
     quaternion = ca.if_else(quaternion[0] < 0, -quaternion, quaternion)
     square = ca.sumsqr(quaternion[1:])
     sine = ca.sqrt(ca.fmax(square, _TINY))
@@ -271,19 +260,20 @@ def search_bounds(model: Model, start: Array, limits: bool) -> tuple[Array, Arra
     return lower, upper, np.asarray(inside)
 
 
-@dataclass(frozen=True, eq=False)
-class SearchOutcome:
-    """A configuration, its pose errors, the overlap of collision bodies, and Ipopt's verdict."""
+class SearchOutcome(NamedTuple):
+    """A configuration, and Ipopt's verdict.
+
+    Attributes:
+        q: (n,).
+        error: the largest pose error among those that must vanish, or overlap of collision bodies.
+        success: whether Ipopt found a solution.
+        objective: its value.
+    """
 
     q: Array
-    errors: Array
-    overlap: float
+    error: float
     success: bool
     objective: float
-
-    def error(self, bound: Array) -> float:
-        """Get largest pose error among those that must vanish, or overlap of collision bodies."""
-        return float(np.max(np.abs(self.errors[bound == 0.0]), initial=self.overlap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +281,15 @@ class PoseSearch:
     """Configurations of one model with a hand pose, sought from several starts.
 
     Attributes:
+        model: model whose hand it is.
+        near: configuration (n,) to stay near to.
+        position, rotation: position and rotation of the hand (3,), (3, 3).
         rows: which of the six rows of the pose error (position, rotation vector) are part of it.
+        axes: axes (3, 3) of position errors.
+        bound: bounds of the rows of the error: zero, or infinite where they are free.
+        limits: whether the joints stay within their limits.
+        bounds: lower and upper (n,) of the search.
+        collisions: bodies that are kept apart.
     """
 
     model: Model
@@ -299,6 +297,10 @@ class PoseSearch:
     position: Array
     rotation: Array
     rows: tuple[int, ...]
+    axes: Array
+    bound: Array
+    limits: bool
+    bounds: tuple[Array, Array]
     collisions: CollisionAvoidance
 
     @classmethod
@@ -309,52 +311,46 @@ class PoseSearch:
         near: ArrayLike,
         position: ArrayLike | None,
         rotation: ArrayLike | None,
-        collisions: CollisionAvoidance,
+        *,
+        limits: bool = True,
+        free: ArrayLike | None = None,
+        collisions: CollisionAvoidance | None = None,
     ) -> PoseSearch:
         """Return the search for a pose as users give it; ValueError if it is malformed."""
         if position is None and rotation is None:
             raise ValueError(f"{caller} needs a position, a rotation or both")
-        rows = [*range(3)] if position is not None else []
-        rows += [*range(3, 6)] if rotation is not None else []
+        rows = [0, 1, 2] if position is not None else []
+        rows += [3, 4, 5] if rotation is not None else []
+        near = as_vector("near", near, as_model(model).dof)
+        axes, num_free = complement(as_directions("free", free))
+        is_held = np.array([*(np.arange(3) >= num_free), True, True, True])[rows]
         return cls(
             model,
-            as_vector("near", near, as_model(model).dof),
+            near,
             np.zeros(3) if position is None else as_vector("position", position, 3),
             np.eye(3) if rotation is None else as_rotation("rotation", rotation),
-            ((0, 1, 2) if position is not None else ())
-            + ((3, 4, 5) if rotation is not None else ()),
-            collisions,
+            tuple(rows),
+            axes,
+            np.where(is_held, 0.0, np.inf),
+            limits,
+            search_bounds(model, near, limits)[:2],
+            collisions or CollisionAvoidance(),
         )
 
-    def axes_and_bound(self, free: ArrayLike | None) -> tuple[Array, Array]:
-        """Return axes (3, 3) of position errors, and bounds of the errors: zero, or infinite if
-        free.
-        """
-        axes, num_free = complement(as_directions("free", free))
-        held = np.array([*(np.arange(3) >= num_free), True, True, True])[list(self.rows)]
-        return axes, np.where(held, 0.0, np.inf)
-
-    def bounds(self, limits: bool) -> tuple[Array, Array]:
-        """Return lower and upper bounds (n,) of the search."""
-        lower, upper, _ = search_bounds(self.model, self.near, limits)
-        return lower, upper
-
-    def starts(self, bounds: tuple[Array, Array], count: int) -> list[Array]:
+    def starts(self, count: int) -> list[Array]:
         """`near`, moved into the bounds, random configurations around it, and random ones."""
         rng, n = np.random.default_rng(0), self.model.dof
         around = self.near + _SPREAD * rng.standard_normal((_FIRST - 1, n))
-        others = rng.uniform(*bounds, (max(0, count - _FIRST), n))
-        every = [np.clip(each, *bounds) for each in (self.near, *around)]
+        others = rng.uniform(*self.bounds, (max(0, count - _FIRST), n))
+        every = [np.clip(each, *self.bounds) for each in (self.near, *around)]
         return [*every[:count], *others]
 
     def simultaneously(
         self,
-        bounds: tuple[Array, Array],
         starts: Sequence[Array],
-        axes: Array,
         weights: Array,
         enough: int,
-        settled: float = 1e-2,
+        settled: float = _SETTLED,
         least: int = 1,
     ) -> tuple[list[Array], list[Array], float]:
         """Return configurations with the pose, others, and the least error, without collision
@@ -364,7 +360,7 @@ class PoseSearch:
         The search ends when enough of them move by less than `settled` [rad or m] towards it, or
         when at least some have been found from the most promising starts.
         """
-        pose_errors = self._weighted_errors(axes, weights)
+        pose_errors, bounds = self._weighted_errors(weights), self.bounds
         attained: list[Array] = []
         others: list[tuple[float, Array]] = []
         first_batch = _FIRST if least <= 1 else _MANY
@@ -381,22 +377,20 @@ class PoseSearch:
         attained.sort(key=lambda q: float(np.linalg.norm(q - self.near)))
         return attained, [q for _, q in others], others[0][0]
 
-    def from_every_start(
-        self, bounds: tuple[Array, Array], starts: Array, weights: Array
-    ) -> tuple[Array, Array]:
+    def from_every_start(self, starts: Array, weights: Array) -> tuple[Array, Array]:
         """Return configurations (k, n) found from k starts, each near its start, and their errors
         (k,).
 
         The error is the largest entry of the weighted pose error; away from the pose, it is that of
         a local minimum.
         """
-        errors = self._weighted_errors(np.eye(3), weights)
-        found = search_simultaneously(errors, starts, None, bounds, len(starts), np.inf)
+        errors = self._weighted_errors(weights)
+        found = search_simultaneously(errors, starts, None, self.bounds, len(starts), np.inf)
         return found.q, found.errors
 
-    def _weighted_errors(self, axes: Array, weights: Array) -> PoseErrors:
-        """Get pose errors (k, m) in these axes, weighted, and Jacobians (k, m, n) at q (k, n)."""
-        p = self._parameters(axes, 0.0, np.zeros(len(self.rows)))
+    def _weighted_errors(self, weights: Array) -> PoseErrors:
+        """Return weighted pose errors (k, m) and their Jacobians (k, m, n) at q (k, n)."""
+        p = self._parameters(0.0, np.zeros(len(self.rows)))
 
         def pose_errors(q: Array) -> tuple[Array, Array]:
             (count, n), m = q.shape, len(self.rows)
@@ -414,43 +408,34 @@ class PoseSearch:
 
         return pose_errors
 
-    def _parameters(self, axes: Array, stay: float, weights: Array) -> Array:
-        pose = [self.position, self.rotation.ravel(order="F"), axes.ravel(order="F")]
+    def _parameters(self, stay: float, weights: Array) -> Array:
+        pose = [self.position, *(each.ravel(order="F") for each in (self.rotation, self.axes))]
         return np.concatenate([self.near, *pose, [stay], weights])
 
     def outcomes(
-        self,
-        limits: bool,
-        starts: Iterable[Array],
-        axes: Array,
-        weights: Array,
-        stay: float,
-        bound: Array,
+        self, starts: Iterable[Array], weights: Array, stay: float
     ) -> Iterator[SearchOutcome]:
         """Yield outcomes of Ipopt from one start after the other.
 
-        min stay |q - near|^2 / 2 + |weights e|^2 / 2 over q and the pose errors e, |e| <= bound,
-        with position errors in the given axes (3, 3).
+        min stay |q - near|^2 / 2 + |weights e|^2 / 2 over q and the pose errors e, |e| <= bound.
         """
-        n, rows = self.model.dof, list(self.rows)
-        lower, upper = self.bounds(limits)
+        n, count, (lower, upper) = self.model.dof, len(self.rows), self.bounds
         program, errors = _program(self.model, self.rows, self.collisions.bodies)
-        least = np.concatenate([np.zeros(len(rows)), self._margins(program.size_g - len(rows))])
-        p = self._parameters(axes, stay, weights[rows])
-        lbx, ubx = np.concatenate([lower, -bound]), np.concatenate([upper, bound])
-        most = np.concatenate([np.zeros(len(rows)), np.full(least.size - len(rows), np.inf)])
+        num_distances = program.size_g - count
+        least = np.repeat([0.0, self.collisions.margin], [count, num_distances])
+        most = np.repeat([0.0, np.inf], [count, num_distances])
+        p = self._parameters(stay, weights)
+        lbx, ubx = np.concatenate([lower, -self.bound]), np.concatenate([upper, self.bound])
         for start in starts:
-            first = np.clip(errors(start, p).full()[:, 0], -bound, bound)
+            first = np.clip(errors(start, p).full()[:, 0], -self.bound, self.bound)
             x0 = np.concatenate([start, first])
             outcome = program(x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=least, ubg=most)
             q = outcome.x[:n]
-            overlap = float(np.max(least[len(rows) :] - outcome.g[len(rows) :], initial=0.0))
+            overlap = float(np.max((least - outcome.g)[count:], initial=0.0))
             # The errors of q itself: Ipopt meets equalities to its own tolerance.
-            now = errors(q, p).full()[:, 0]
-            yield SearchOutcome(q, now, overlap, outcome.success, outcome.objective)
-
-    def _margins(self, count: int) -> Array:
-        return np.full(count, self.collisions.margin)
+            held = errors(q, p).full()[self.bound == 0.0, 0]
+            error = float(np.max(np.abs(held), initial=overlap))
+            yield SearchOutcome(q, error, outcome.success, outcome.objective)
 
 
 @lru_cache(maxsize=32)

@@ -45,14 +45,6 @@ def drawn_obstacles(problem: Any) -> tuple[Obstacle, ...]:
     return ()
 
 
-def _hashable(value: object) -> bool:
-    try:
-        hash(value)
-    except TypeError:
-        return False
-    return True
-
-
 @dataclass(frozen=True, eq=False)
 class _Identity:
     """Key of a value without a hash: equal only for the identical object."""
@@ -74,7 +66,11 @@ def key_of(value: object) -> Hashable:
         return ("array", value.shape, value.dtype.str, value.tobytes())
     if isinstance(value, (list, tuple)):
         return (type(value).__name__, *map(key_of, value))
-    return value if _hashable(value) else _Identity(value)
+    try:
+        hash(value)
+    except TypeError:
+        return _Identity(value)
+    return value
 
 
 def parse_conditions(problem: Any) -> Conditions:
@@ -88,7 +84,8 @@ def parse_conditions(problem: Any) -> Conditions:
     n = problem.metric.dim
     q0, q1, v0, v1, q, v = (ca.SX.sym(name, n) for name in ("q0", "q1", "v0", "v1", "q", "v"))
     symbolic, parameters = _with_symbols(problem)
-    at_ends = (q0, q1, v0, v1) if _takes_velocities(problem) else (q0, q1)
+    has_velocities = len(inspect.signature(problem.boundary).parameters) == 4
+    at_ends = (q0, q1, v0, v1) if has_velocities else (q0, q1)
     equality, inequality = parameters.equality, parameters.inequality
 
     entries = listed("boundary", symbolic.boundary(*at_ends))
@@ -100,11 +97,9 @@ def parse_conditions(problem: Any) -> Conditions:
         if not isinstance(at_one, Sequence) or not len(at_one):
             raise ValueError(f"{label} must be a list of equalities, got {at_one!r}")
         via.append(tuple(equality(*entry, ca.SX(0, 1)) for entry in listed(label, at_one)))
-    continuity = []
-    if problem.continuous_velocity_at_via:
-        for number in range(len(via)):
-            entry = (v1 - v0, 0.0, f"velocity at via[{number}]")
-            continuity.append(equality("", entry, ca.SX(0, 1)))
+    jumps = [(v1 - v0, 0.0, f"velocity at via[{number}]") for number in range(len(via))]
+    jumps = jumps if problem.continuous_velocity_at_via else []
+    continuity = [equality("", jump, ca.SX(0, 1)) for jump in jumps]
     names = [c.name for c in (*boundary, *along, *continuity, *(c for each in via for c in each))]
     if len(set(names)) < len(names):
         raise ValueError(f"conditions must have different names, got {', '.join(names)}")
@@ -125,10 +120,6 @@ def parse_conditions(problem: Any) -> Conditions:
         via=tuple(via),
         via_continuity=tuple(continuity),
     )
-
-
-def _takes_velocities(problem: Any) -> bool:
-    return len(inspect.signature(problem.boundary).parameters) == 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -18,7 +18,7 @@ from geodesic_ocp.model.distances import as_pair, clearance_constraints
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.inverse_kinematics import inverse_kinematics
-from geodesic_ocp.ocp.nlp import Structure
+from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.pose_search import as_directions, complement, rotation_log
 from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, key_of
 
@@ -159,10 +159,9 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
         return (key, *self.constraint_key) if self.constraint_key else key
 
 
-def geodesic_structure(metric: Metric) -> Structure:
-    """Return the structure shared by every unconstrained `PointToPoint` in the metric."""
-    conditions = _FixedEnds(metric).definition().conditions
-    return Structure((PointToPoint, key_of(metric)), metric, conditions)
+def geodesic_definition(metric: Metric) -> ProblemDefinition:
+    """Return what every unconstrained `PointToPoint` in the metric has in common."""
+    return replace(_FixedEnds(metric).definition(), key=(PointToPoint, key_of(metric)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,12 +19,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.ipopt import STOPPED
-from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.solution import MeshIteration, Solution, with_effort_of
-from geodesic_ocp.ocp.violations import BETWEEN_NODES, ViolationProfile, violation_profile
+from geodesic_ocp.ocp.violations import BETWEEN_NODES, ViolationProfile
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -46,7 +45,11 @@ class SolveOn(Protocol):
 
 
 def refine(
-    solve_on: SolveOn, profile: ViolationProfile, grid: Grid, tolerance: float, guess: Path | None
+    solve_on: SolveOn,
+    profile: ViolationProfile,
+    first: Solution,
+    tolerance: float | None,
+    guess: Path | None,
 ) -> Solution:
     """Return the solution on a grid fine enough for the tolerance.
 
@@ -57,58 +60,27 @@ def refine(
     Args:
         solve_on: solves on a grid.
         profile: violations of the path constraints along a path.
-        grid: the first one.
+        first: solution on the first grid.
         tolerance: for violations between nodes, in the unit of the condition, and for the
-            relative change of the objective from one grid to the next.
+            relative change of the objective from one grid to the next. None: the conditions hold
+            to `BETWEEN_NODES`, whatever the objective.
         guess: initial guess.
 
     If the grid becomes too large or a solve fails, `stats.success` is False.
     """
-    tolerance = as_positive("tolerance", tolerance)
-    solution = _refine_from(solve_on, profile, grid, tolerance, guess)
-    stats = solution.stats
-    has_failed_at_once = len(stats.mesh_history) == 1  # no grid will do
-    if stats.success or stats.status == STOPPED or has_failed_at_once:
+    if tolerance is None and not _violates(first):
+        return first
+    solution = _halved_until_fine(solve_on, profile, _recorded(first), tolerance)
+    if solution.stats.success or solution.stats.status == STOPPED or not first.stats.success:
         return solution
-    rough = solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False)
+    grid = first.path.grid
+    rough = _recorded(solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False), solution)
     if not rough.stats.success:
         return solution
     finer = _regrid(rough.path.grid, 2 * grid.segments, grid.degree)
-    again = _refine_from(solve_on, profile, finer, tolerance, rough.path)
-    if not again.stats.success:
-        return solution
-    history = (*solution.stats.mesh_history, _mesh_iteration(rough), *again.stats.mesh_history)
-    return replace(again, stats=replace(again.stats, mesh_history=history))
-
-
-def refine_where_violated(
-    solve_on: SolveOn, conditions: Conditions, solution: Solution
-) -> Solution:
-    """Return the solution on a grid on which conditions hold to `BETWEEN_NODES` everywhere on the
-    path.
-
-    Segments in which they do not are halved; if that fails, it is repeated from polynomials of low
-    degree. A path that still violates a condition is no solution.
-
-    Args:
-        solve_on: solves on a grid.
-        conditions: conditions of the problem.
-        solution: on the first grid.
-    """
-    profile = violation_profile(conditions)
-    history = [_mesh_iteration(solution)]
-    refined = _halve_where_violated(solve_on, profile, solution, history)
-    grid = solution.path.grid
-    if _violates(refined):
-        rough = solve_on(_regrid(grid, 4 * grid.segments, 2), None, False)
-        history.append(_mesh_iteration(rough))
-        again = _halve_where_violated(solve_on, profile, rough, history)
-        if again.stats.success and not _violates(again):
-            refined = again
-    if len(history) > 1:
-        stats = replace(refined.stats, mesh_history=tuple(history))
-        refined = replace(refined, stats=stats)
-    return meeting_conditions(refined, "no finer grid meets its conditions")
+    again = _recorded(solve_on(finer, rough.path, False), rough)
+    again = _halved_until_fine(solve_on, profile, again, tolerance)
+    return again if again.stats.success else solution
 
 
 def meeting_conditions(solution: Solution, advice: str) -> Solution:
@@ -121,8 +93,7 @@ def meeting_conditions(solution: Solution, advice: str) -> Solution:
 
 def _failed(solution: Solution, status: str) -> Solution:
     """Return the solution as the last iterate of a solve that failed."""
-    stats = replace(solution.stats, success=False, status=status)
-    return replace(solution, stats=stats, iterate=replace(solution.iterate, success=False))
+    return replace(solution, stats=replace(solution.stats, success=False, status=status))
 
 
 def _violates(solution: Solution) -> bool:
@@ -130,34 +101,14 @@ def _violates(solution: Solution) -> bool:
     return stats.success and stats.max_path_violation > BETWEEN_NODES
 
 
-def _halve_where_violated(
-    solve_on: SolveOn, profile: ViolationProfile, first: Solution, history: list[MeshIteration]
-) -> Solution:
-    """Get the last solution, on grids whose segments are halved where conditions are violated."""
-    kept = first
-
-    def solve(grid: Grid | None) -> Solution:
-        if grid is None:
-            return first
-        found = solve_on(grid, kept.path, True)
-        history.append(_mesh_iteration(found))
-        return found
-
-    def examine(number: int, found: Solution) -> tuple[Solution, Grid | None]:
-        nonlocal kept
-        if not found.stats.success and found.stats.status != STOPPED:
-            return kept, None
-        kept, path = found, found.path
-        if not _violates(found):
-            return found, None
-        coarse = worst_by_segment(path, profile(path)) > BETWEEN_NODES
-        diverged = len(history) > _PATIENCE and min(path.grid.widths) < _NARROWEST
-        too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
-        if not np.any(coarse) or diverged or too_many:
-            return found, None
-        return found, halved(path.grid, coarse)
-
-    return in_rounds(None, solve, examine, _MAX_ROUNDS + 1)
+def _recorded(solution: Solution, before: Solution | None = None) -> Solution:
+    """Return the solution with its solve in the history, after those of another solution."""
+    stats, segments = solution.stats, solution.path.grid.segments
+    this = MeshIteration(
+        segments, stats.iterations, stats.seconds, stats.objective, stats.max_path_violation
+    )
+    history = () if before is None else before.stats.mesh_history
+    return replace(solution, stats=replace(stats, mesh_history=(*history, this)))
 
 
 def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
@@ -165,42 +116,47 @@ def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
     return even.with_via_points(grid.via_s.tolist()) if grid.via_segments else even
 
 
-def _mesh_iteration(solution: Solution) -> MeshIteration:
-    stats, segments = solution.stats, solution.path.grid.segments
-    return MeshIteration(
-        segments, stats.iterations, stats.seconds, stats.objective, stats.max_path_violation
-    )
-
-
-def _refine_from(
-    solve_on: SolveOn, profile: ViolationProfile, grid: Grid, tolerance: float, guess: Path | None
+def _halved_until_fine(
+    solve_on: SolveOn, profile: ViolationProfile, first: Solution, tolerance: float | None
 ) -> Solution:
-    history: list[MeshIteration] = []
+    """Return the last solution, on grids whose coarse segments are halved until there are none."""
 
-    def solve(start: tuple[Grid, Path | None]) -> Solution:
-        solution = solve_on(*start, bool(history))
-        history.append(_mesh_iteration(solution))
-        return replace(solution, stats=replace(solution.stats, mesh_history=tuple(history)))
+    def solve(start: tuple[Solution, Grid] | None) -> Solution:
+        if start is None:
+            return first
+        before, grid = start
+        return _recorded(solve_on(grid, before.path, True), before)
 
-    def examine(number: int, found: Solution) -> tuple[Solution, tuple[Grid, Path] | None]:
+    def examine(number: int, found: Solution) -> tuple[Solution, tuple[Solution, Grid] | None]:
         stats, path = found.stats, found.path
-        change = abs(stats.objective - history[-2].objective) if number else np.inf
-        settled = change <= tolerance * abs(stats.objective)
-        if not stats.success or (settled and stats.max_path_violation <= tolerance):
+        if not stats.success:
             return found, None
-        coarse = _coarse(path, profile(path), tolerance)
-        diverged = number >= _PATIENCE and stats.objective > _WORSE * history[0].objective > 0.0
+        violations = profile(path)
+        change = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
+        if tolerance is None:
+            is_fine = not _violates(found)
+            coarse = worst_by_segment(path, violations) > BETWEEN_NODES
+            diverged = min(path.grid.widths) < _NARROWEST
+        else:
+            is_settled = change <= tolerance * abs(stats.objective)
+            is_fine = is_settled and stats.max_path_violation <= tolerance
+            coarse = _coarse(path, violations, tolerance)
+            diverged = stats.objective > _WORSE * first.stats.objective > 0.0
+        if is_fine:
+            return found, None
         too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
-        if not diverged and not too_many and number + 1 < _MAX_ROUNDS:
-            return found, (halved(path.grid, coarse), path)
+        if not (diverged and number >= _PATIENCE) and not too_many and number + 1 < _MAX_ROUNDS:
+            return found, (found, halved(path.grid, coarse))
+        if tolerance is None:
+            return meeting_conditions(found, "no finer grid meets its conditions"), None
         status = (
-            f"not solved to {tolerance:g}: on {history[-1].segments} segments conditions are still "
+            f"not solved to {tolerance:g}: on {path.grid.segments} segments conditions are still "
             f"violated by {stats.max_path_violation:.2g}, and the objective has changed by "
             f"{change:.2g}"
         )
         return _failed(found, status), None
 
-    return in_rounds((grid, guess), solve, examine, _MAX_ROUNDS)
+    return in_rounds(None, solve, examine, _MAX_ROUNDS)
 
 
 def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:
@@ -269,7 +225,7 @@ def with_optimal_via_points(
         if not grid.via_segments:
             return solution
         if close := _coincident(solution.path):
-            return _not_found(solution, f"{close} have come together: do they coincide?")
+            return _failed(solution, f"{close} have come together: do they coincide?")
         if not solution.stats.success:
             return solution
         tried.append(grid.via_s)
@@ -279,13 +235,9 @@ def with_optimal_via_points(
         moved = grid.with_via_points_at(_next(tried, residuals).tolist())
         start = Path(solution.path.metric, moved, solution.path.nodes)
         solution = with_effort_of(solution.stats, solve_on(moved, start))
-    return _not_found(
+    return _failed(
         solution, f"the parameters s of the via points did not converge in {_MAX_UPDATES} updates"
     )
-
-
-def _not_found(solution: Solution, status: str) -> Solution:
-    return replace(solution, stats=replace(solution.stats, success=False, status=status))
 
 
 def _coincident(path: Path) -> str:

@@ -19,7 +19,6 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
 from geodesic_ocp.ocp.certificate import Certificate, FinalIterate, certify_iterate
-from geodesic_ocp.ocp.conditions import NodeBounds
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
 from geodesic_ocp.records import as_json, write_record
@@ -224,8 +223,7 @@ class Solution:
         Under constraints: whether the energy decreases, to second order, in any direction in which
         the active conditions remain satisfied.
         """
-        conditions = self.problem.definition().conditions
-        return certify_iterate(self.iterate, NodeBounds.on_grid(conditions, self.path.grid))
+        return certify_iterate(self.iterate, self.stats.success)
 
     def record(self) -> dict[str, Any]:
         """Return the solution as JSON values: nodes of the path [rad or m], statistics,
@@ -235,13 +233,7 @@ class Solution:
         strings, obstacles, or lists and arrays of them.
         """
         grid, iterate = self.path.grid, self.iterate
-        nlp = {
-            "origin": iterate.units.origin,
-            "length": iterate.units.length,
-            "scale": iterate.units.scale,
-            "energy_only": iterate.energy_only,
-            **{name: getattr(iterate, name) for name in ITERATE_ARRAYS},
-        }
+        arrays = {name: getattr(iterate, name) for name in ("x", "lam_x", "lam_g")}
         record = {
             "format": FORMAT,
             "version": VERSION,
@@ -254,7 +246,7 @@ class Solution:
             "nodes": self.path.nodes,
             "stats": asdict(self.stats),
             "multipliers": dict(self.multipliers),
-            "nlp": nlp,
+            "nlp": asdict(iterate.nlp.units) | arrays,
         }
         plain: dict[str, Any] = as_json(record)
         return plain
@@ -270,9 +262,9 @@ class Solution:
         """
         return write_record(file, self.record())
 
-    def resample(self, count: int, by: str = "length") -> Array:
+    def resample(self, count: int) -> Array:
         """Return positions (count, n) along the path; see `Path.resample`."""
-        return self.path.resample(count, by)
+        return self.path.resample(count)
 
     def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
         """Return the path as a motion in time, with velocities.
@@ -288,8 +280,7 @@ class Solution:
             NotConverged: the path is no solution, or violates the problem's conditions.
         """
         allowed = max(BETWEEN_NODES, 1.1 * self.stats.max_path_violation)
-        names, conditions = self.path.metric.joint_names, self.problem.definition().conditions
-        violations = find_violations(conditions, self.path, names)
+        violations = find_violations(self.problem.definition().conditions, self.path)
         if not self.stats.success or (violations and not violations[0].amount <= allowed):
             cause = "; ".join(map(str, violations[:1])) or self.stats.status
             raise NotConverged(f"no motion along a path that is not a solution: {cause}", self)
@@ -313,9 +304,6 @@ class Solution:
             obstacles=drawn_obstacles(self.problem),
             links=getattr(self.problem, "links", None),
         )
-
-
-ITERATE_ARRAYS = ("p_values", "x", "lam_x", "lam_g", "fixed_x", "fixed_g")
 
 
 def with_effort_of(before: Stats, solution: Solution) -> Solution:

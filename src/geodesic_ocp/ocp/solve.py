@@ -8,20 +8,16 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias, overload
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
-from geodesic_ocp.ocp.callback import Callback, IterationCallback
+from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
+from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
-from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, Structure, build_nlp
+from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
-from geodesic_ocp.ocp.refinement import (
-    meeting_conditions,
-    refine,
-    refine_where_violated,
-    with_optimal_via_points,
-)
+from geodesic_ocp.ocp.refinement import meeting_conditions, refine, with_optimal_via_points
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import find_violations, violation_profile
@@ -142,29 +138,33 @@ def solve(
     start = guess.path if isinstance(guess, Solution) else guess
     solver = _Solver(problem, definition, dict(ipopt or {}), callback, before)
     conditions = definition.conditions
-    if tolerance is None:
-        solution = solver.solve_from(first, start)
-        if grid is None:
-            solution = refine_where_violated(solver, conditions, solution)
-        else:
-            solution = meeting_conditions(solution, "leave grid out, or set tolerance")
-    elif conditions.via_continuity:
+    if tolerance is not None:
+        tolerance = as_positive("tolerance", tolerance)
+        _check_refinable(conditions)
+    solution = solver.solve_from(first, start)
+    if tolerance is not None or grid is None:
+        solution = refine(solver, violation_profile(conditions), solution, tolerance, start)
+    else:
+        solution = meeting_conditions(solution, "leave grid out, or set tolerance")
+    if throw and not solution.stats.success:
+        raise NotConverged(describe_failure(solution), solution)
+    return solution
+
+
+def _check_refinable(conditions: Conditions) -> None:
+    """ValueError if there is no path of least energy that ever finer grids approach."""
+    if conditions.via_continuity:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a path with "
             "continuous velocity approaches as the grid is refined; set "
             "continuous_velocity_at_via = False, or leave tolerance out"
         )
-    elif names := conditions.on_end_velocities:
+    if names := conditions.on_end_velocities:
         raise ValueError(
             f"tolerance: there is no path of least energy with a prescribed velocity at an end "
             f"({names}): the finer the grid, the shorter the piece on which it is reached; leave "
             "tolerance out"
         )
-    else:
-        solution = refine(solver, violation_profile(conditions), first, tolerance, start)
-    if throw and not solution.stats.success:
-        raise NotConverged(describe_failure(solution), solution)
-    return solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,11 +230,11 @@ class _Solver:
         except TypeError:
             raise ValueError(f"ipopt: options are numbers and strings, got {given}") from None
         if self.callback is not None:
-            relay = IterationCallback(nlp, self.callback)
+            relay = relay_paths(nlp, self.callback)
             outcome = _ipopt(nlp.transcription, settings, relay)(**values)
         elif self.definition.key is not None:
             shape = nlp.transcription.grid
-            outcome = shared_ipopt(self.definition.structure, shape, settings)(**values)
+            outcome = shared_ipopt(self.definition, shape, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
@@ -266,10 +266,11 @@ def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
     same.
     """
     old, units = before.iterate, nlp.units
+    old_units = old.nlp.units
     if before.path.grid != nlp.grid or old.lam_g.size != nlp.bounds.lower_g.size:
         return {}
-    energies = old.units.scale / units.scale
-    lam_x = old.lam_x * energies * (units.length / old.units.length)
+    energies = old_units.scale / units.scale
+    lam_x = old.lam_x * energies * (units.length / old_units.length)
     return {"lam_x0": lam_x, "lam_g0": old.lam_g * energies}
 
 
@@ -278,19 +279,17 @@ def _ipopt(transcription: Transcription, settings: Settings, relay: Relay | None
 
 
 @lru_cache(maxsize=32)
-def shared_ipopt(structure: Structure, shape: Grid, settings: Settings) -> Ipopt:
-    """Return Ipopt for all problems of this structure, on all grids of a shape (with equal
-    segments).
-    """
-    return _ipopt(structure.transcription(shape), settings)
+def shared_ipopt(definition: ProblemDefinition, shape: Grid, settings: Settings) -> Ipopt:
+    """Return Ipopt for all problems with one key, on all grids of a shape (with equal segments)."""
+    return _ipopt(definition.transcription(shape), settings)
 
 
 def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
-    conditions, transcription = nlp.conditions, nlp.transcription
-    bounds, units = nlp.bounds, nlp.units
-    path = nlp.path(outcome.x)
+    conditions, bounds, units = nlp.conditions, nlp.bounds, nlp.units
+    iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
+    path = iterate.path
     violation, worst = bounds.worst(path.nodes, outcome.g)
-    violations = find_violations(conditions, path, problem.metric.joint_names)
+    violations = find_violations(conditions, path)
     stats = Stats(
         success=outcome.success,
         status=outcome.status,
@@ -298,7 +297,7 @@ def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
         seconds=outcome.seconds,
         variables=outcome.x.size,
         constraints=outcome.g.size,
-        objective=transcription.energy(path.grid, path.nodes, conditions.p_values),
+        objective=nlp.transcription.energy(path.grid, path.nodes, conditions.p_values),
         energy=path.discrete_energy,
         max_node_violation=violation,
         worst_constraint=worst,
@@ -306,17 +305,4 @@ def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
     )
     lam_x = units.scale / units.length * outcome.lam_x.reshape(path.nodes.shape)
     multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
-    iterate = FinalIterate(
-        path,
-        transcription,
-        units,
-        conditions.p_values,
-        outcome.x,
-        outcome.lam_x,
-        outcome.lam_g,
-        fixed_x=(bounds.lower == bounds.upper).ravel(),
-        fixed_g=bounds.lower_g == bounds.upper_g,
-        success=stats.success,
-        energy_only=bool(conditions.cost.is_zero()),
-    )
     return Solution(problem, path, stats, multipliers, violations, iterate)

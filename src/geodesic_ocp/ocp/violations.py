@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.conditions import Condition, Conditions, stacked
 from geodesic_ocp.trajectory.path import Path
 
@@ -136,29 +137,20 @@ class Violation:
         )
 
 
-def find_violations(
-    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
-) -> tuple[Violation, ...]:
+def find_violations(conditions: Conditions, path: Path) -> tuple[Violation, ...]:
     """Return the largest violation of every violated condition, the worst first.
 
     Path constraints are evaluated at the nodes and between them.
     """
-    found = [
-        *_at_ends(conditions, path, joint_names),
-        *_at_via(conditions, path, joint_names),
-        *_along(conditions, path, joint_names),
-    ]
-    return tuple(sorted(found, key=lambda one: -one.amount))
+    samples = [*_at_ends(conditions, path), *_at_via(conditions, path), *_along(conditions, path)]
+    found = [_worst(path.metric, *each, each[0] in conditions.bounds) for each in samples]
+    return tuple(sorted(filter(None, found), key=lambda one: -one.amount))
 
 
-def violations_at(conditions: Conditions, q: Array, s: float) -> tuple[Violation, ...]:
+def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) -> list[Violation]:
     """Return violations of the path constraints in q, except bounds, at one configuration (n,)."""
-    found: list[Violation] = []
-    for condition in conditions.along_q:
-        function = ca.Function("condition", [conditions.q, conditions.p], [condition.expression])
-        values = evaluate(function, q, conditions.p_values)
-        found += _worst(condition, values, np.array([s]), q.size, None)
-    return tuple(sorted(found, key=lambda one: -one.amount))
+    found = [_worst(metric, *_at_point(conditions, each, q, s)) for each in conditions.along_q]
+    return sorted(filter(None, found), key=lambda one: -one.amount)
 
 
 def violation_profile(conditions: Conditions) -> ViolationProfile:
@@ -173,78 +165,65 @@ def violation_profile(conditions: Conditions) -> ViolationProfile:
     return profile
 
 
-def _at_ends(
-    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
-) -> Iterator[Violation]:
+# A condition, its values (m, k), and s (k,); None for a condition on both ends.
+_Values: TypeAlias = tuple[Condition, Array, Array | None]
+
+
+def _at_ends(conditions: Conditions, path: Path) -> Iterator[_Values]:
     c, n, nodes = conditions, path.metric.dim, path.nodes
     for condition in c.fixed:
         assert condition.coordinates is not None
         ends = {coordinate // n for coordinate in condition.coordinates}
         s = np.array([float(max(ends))]) if len(ends) == 1 else None
-        values = nodes[[0, -1]].ravel()[list(condition.coordinates)]
-        yield from _worst(condition, values[:, None], s, n, joint_names)
-    if c.ends:
-        symbols = [c.q0, c.q1, c.v0, c.v1, c.p]
-        states = [*nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values]
+        yield condition, nodes[[0, -1]].ravel()[list(condition.coordinates)][:, None], s
     for condition in c.ends:
         first, last = (
             ca.depends_on(condition.expression, ca.vertcat(*pair))
             for pair in ((c.q0, c.v0), (c.q1, c.v1))
         )
-        values = evaluate(ca.Function("condition", symbols, [condition.expression]), *states)
-        s = None if first == last else np.array([float(last)])
-        yield from _worst(condition, values, s, n, joint_names)
+        symbols = [c.q0, c.q1, c.v0, c.v1, c.p]
+        function = ca.Function("condition", symbols, [condition.expression])
+        values = evaluate(function, *nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values)
+        yield condition, values, None if first == last else np.array([float(last)])
 
 
-def _at_via(
-    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
-) -> Iterator[Violation]:
+def _at_via(conditions: Conditions, path: Path) -> Iterator[_Values]:
     grid = path.grid
     for s, node, at_one in zip(grid.via_s, grid.via_nodes, conditions.via, strict=True):
         for condition in at_one:
-            symbols = [conditions.q, conditions.p]
-            function = ca.Function("condition", symbols, [condition.expression])
-            values = evaluate(function, path.nodes[node], conditions.p_values)
-            yield from _worst(condition, values, np.array([s]), path.metric.dim, joint_names)
+            yield _at_point(conditions, condition, path.nodes[node], s)
 
 
-def _along(
-    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
-) -> Iterator[Violation]:
+def _at_point(conditions: Conditions, condition: Condition, q: Array, s: float) -> _Values:
+    symbols = [conditions.q, conditions.p]
+    function = ca.Function("condition", symbols, [condition.expression])
+    return condition, evaluate(function, q, conditions.p_values), np.array([s])
+
+
+def _along(conditions: Conditions, path: Path) -> Iterator[_Values]:
     if conditions.along_q or conditions.along_qv or conditions.bounds:
         s, found = PathSamples(conditions)(path)
-        n = path.metric.dim
-        units = getattr(getattr(path.metric, "model", None), "units", ("",) * n)
-        for condition, values in found:
-            of_limits = units if condition in conditions.bounds else None
-            yield from _worst(condition, values, s, n, joint_names, of_limits)
+        yield from ((condition, values, s) for condition, values in found)
 
 
 def _worst(
-    condition: Condition,
-    values: Array,
-    s: Array | None,
-    n: int,
-    joint_names: Sequence[str] | None,
-    units: Sequence[str] | None = None,
-) -> Iterator[Violation]:
-    """Yield the largest violation of a condition's values (m, k), if any; NaN counts as infinite.
-
-    Units (n,) are given for limits of coordinates.
+    metric: Metric, condition: Condition, values: Array, s: Array | None, is_limit: bool = False
+) -> Violation | None:
+    """Return the largest violation of a condition's values (m, k), if any; NaN counts as
+    infinite.
     """
-    unit = None
     excess = excess_over_bounds(condition, values)
     if not np.any(excess > 0.0):
-        return
+        return None
     row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)
     value = float(values[row, column])
     limit = float(condition.upper[row] if value > condition.upper[row] else condition.lower[row])
-    component = f"{condition.name}[{row}]" if condition.size > 1 else condition.name
+    component, unit = f"{condition.name}[{row}]" if condition.size > 1 else condition.name, None
     if condition.coordinates is not None:
+        n, names = metric.dim, metric.joint_names
         coordinate = condition.coordinates[int(row)] % n
-        unit = None if units is None else units[coordinate]
-        component = (
-            f"q[{coordinate}]" if joint_names is None else f"joint {joint_names[coordinate]}"
-        )
+        component = f"q[{coordinate}]" if names is None else f"joint {names[coordinate]}"
+        if is_limit:
+            unit = getattr(getattr(metric, "model", None), "units", ("",) * n)[coordinate]
     where = None if s is None else float(s[min(int(column), s.size - 1)])
-    yield Violation(condition.name, component, value, limit, where, unit)
+    return Violation(condition.name, component, value, limit, where, unit)

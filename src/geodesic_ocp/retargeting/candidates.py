@@ -7,7 +7,7 @@ of the straight line, and the time that the joints' speed limits add to it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -18,7 +18,6 @@ from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
 from geodesic_ocp.retargeting.waypoints import (
-    NO_COLLISIONS,
     REACHED,
     ArmWaypoints,
     ObjectiveWeights,
@@ -117,12 +116,11 @@ def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidat
 def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Candidates:
     """Return configurations at one waypoint, each near one of the starts (k, n)."""
     arm, pose = waypoints.arm, waypoints.poses[number]
-    search = PoseSearch.checked(
-        "retarget", arm, starts[0], pose.position, pose.rotation, NO_COLLISIONS
-    )
+    given = arm, starts[0], pose.position, pose.rotation
+    search = PoseSearch.checked("retarget", *given, limits=waypoints.limited)
     free = np.full(arm.dof, np.inf)
-    bounds = (arm.lower, arm.upper) if waypoints.limited else (-free, free)
-    q, errors = search.from_every_start(bounds, np.clip(starts, *bounds), waypoints.row_weights)
+    search = replace(search, bounds=(arm.lower, arm.upper) if waypoints.limited else (-free, free))
+    q, errors = search.from_every_start(np.clip(starts, *search.bounds), waypoints.row_weights)
     errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
     return _chosen(q, errors, waypoints.near_misses, _MOST)
 

@@ -147,7 +147,7 @@ class ArmPart:
         """
         # The objective is the action in its unit.
         units = Units(np.zeros(self.dof), 1.0, weights.action * self.moving_time)
-        transcription = self.definition.structure.transcription(self.grid)
+        transcription = self.definition.transcription(self.grid)
         found, row = [], 0
         for block in transcription.blocks(ca.DM(units.parameters(self.grid)), first):
             here = slice(row, row + block.size_g)

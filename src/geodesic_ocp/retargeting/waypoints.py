@@ -21,11 +21,13 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.limits import JointLimits, checked_start
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.inverse_kinematics import (
-    inverse_kinematics_solutions,
-    nearest_configuration,
+from geodesic_ocp.ocp.inverse_kinematics import configurations, nearest_configuration
+from geodesic_ocp.ocp.pose_search import (
+    CollisionAvoidance,
+    PoseSearch,
+    pose_difference,
+    rotation_log,
 )
-from geodesic_ocp.ocp.pose_search import CollisionAvoidance, pose_difference, rotation_log
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -98,18 +100,17 @@ def nearest_configurations(
         limits: whether joints stay within their limits.
         weights: weights of errors in position [1/m] and orientation [1/rad].
         collisions: bodies that are kept apart.
-        enough, settled, least: see `inverse_kinematics_solutions`.
+        enough, settled, least: see `configurations`.
 
     Raises:
         NotConverged: no configuration is clear of the collision bodies.
     """
     placed = arm, near, pose.position, pose.rotation
+    search = PoseSearch.checked("retarget", *placed, limits=limits, collisions=collisions)
     try:
-        return inverse_kinematics_solutions(
-            *placed, limits, None, collisions, enough, settled, least
-        )
+        return configurations(search, enough, settled, least)
     except NotConverged:
-        return [nearest_configuration(*placed, weights, limits, collisions)]
+        return [nearest_configuration(search, weights)]
 
 
 def start_of(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> Array:

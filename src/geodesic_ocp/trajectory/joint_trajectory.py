@@ -7,13 +7,14 @@ import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from math import perm
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import PPoly, make_interp_spline
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array
 from geodesic_ocp.records import write_together
@@ -177,8 +178,19 @@ class JointTrajectory(ShortRepr):
         Before the first sample and after the last one the trajectory is where it begins or ends.
         """
         instants = np.clip(np.asarray(times, dtype=float), self.time[0], self.time[-1])
-        known = self.time, self.positions, self.velocities, self.accelerations
-        return _quintic_hermite(*known, instants)
+        q, v, a = (self._spline(instants, order) for order in range(3))
+        return q, v, a
+
+    @cached_property
+    def _spline(self) -> PPoly:
+        """Quintic interpolant, twice continuously differentiable, with an error of order six."""
+        h, q, start = np.diff(self.time)[:, None], self.positions, self.positions[:-1]
+        v, a = self.velocities, self.accelerations
+        # Positions from the start of each interval, so that no digits of short ones are lost.
+        ends = [0.0 * start, h * v[:-1], h**2 * a[:-1], q[1:] - start, h * v[1:], h**2 * a[1:]]
+        powers = np.einsum("ab,bkn->akn", _COEFFICIENTS, ends) / h ** np.arange(6)[:, None, None]
+        powers[0] = start
+        return PPoly.construct_fast(powers[::-1], self.time)
 
     def _by_kind(self) -> dict[str, Array]:
         values = self.positions, self.velocities, self.accelerations, self.efforts
@@ -252,34 +264,3 @@ class JointTrajectory(ShortRepr):
         content = written if isinstance(written, bytes) else written.encode("utf-8")
         write_together(path.parent, lambda folder: (folder / path.name).write_bytes(content))
         return path
-
-
-def _quintic_hermite(
-    time: Array, positions: Array, velocities: Array, accelerations: Array, instants: Array
-) -> tuple[Array, Array, Array]:
-    """Return positions, velocities and accelerations (m, n) at instants (m,) within increasing
-    times.
-
-    The interpolant is twice continuously differentiable; its error is of order six in the step.
-    """
-    interval = np.clip(np.searchsorted(time, instants, side="right") - 1, 0, len(time) - 2)
-    step = np.diff(time)[interval][:, None]
-    s = (instants[:, None] - time[interval][:, None]) / step
-    start = positions[interval]  # subtracted, so that no digits of short intervals are lost
-    ends = np.stack(
-        [
-            np.zeros_like(start),
-            step * velocities[interval],
-            step**2 * accelerations[interval],
-            positions[interval + 1] - start,
-            step * velocities[interval + 1],
-            step**2 * accelerations[interval + 1],
-        ]
-    )
-    powers = np.einsum("ab,bmn->amn", _COEFFICIENTS, ends)
-    value, slope, curvature = np.zeros_like(powers[:3])
-    for power in powers[::-1]:  # Horner's scheme, with the derivatives
-        curvature = curvature * s + 2.0 * slope
-        slope = slope * s + value
-        value = value * s + power
-    return start + value, slope / step, curvature / step**2

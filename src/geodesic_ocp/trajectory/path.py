@@ -183,22 +183,15 @@ class Path:
         values = np.stack([before[:-1, None] + parts, speeds], axis=2)
         return fine, values * (self.length / max(before[-1], _TINY))
 
-    def resample(self, count: int, by: str = "length") -> Array:
-        """Return evenly spaced positions (count, n) from one end to the other.
-
-        Args:
-            count: number of positions, at least two.
-            by: "length", evenly spaced in the metric, or "s".
+    def resample(self, count: int) -> Array:
+        """Return positions (count, n), evenly spaced in the metric, from one end to the other.
 
         Raises:
-            ValueError: fewer than two positions, or another value of `by`.
+            ValueError: fewer than two positions.
         """
         if not (np.isfinite(as_number("count", count)) and int(count) == count >= 2):
             raise ValueError(f"count must be an integer above one, got {count!r}")
-        if by not in ("length", "s"):
-            raise ValueError(f"by must be 'length' or 's', got {by!r}")
-        s = np.linspace(0.0, 1.0, int(count))
-        return self(s if by == "s" else self.at_length(s * self.length))
+        return self(self.at_length(np.linspace(0.0, self.length, int(count))))
 
 
 @lru_cache(maxsize=64)
