@@ -6,11 +6,11 @@ import textwrap
 from pathlib import Path
 
 from geodesic_ocp.cli.terminal import print_written, printed_warnings
+from geodesic_ocp.drawing.alignment_figure import alignment_figure, alignment_table
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.retargeting.alignment.align import known_alignment, proposal, read_alignment
-from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure, alignment_table
 from geodesic_ocp.tables import text
 
 _WIDTH = 100

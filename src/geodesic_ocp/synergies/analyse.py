@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.analysis_figure import INSTANTS, draw_analysis
+from geodesic_ocp.drawing.arm_shapes import Postures
+from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
+from geodesic_ocp.drawing.best_view import across, best_view
+from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
-from geodesic_ocp.figures.arm_shapes import Postures
-from geodesic_ocp.figures.arm_strip import StripArm, strip_instants
-from geodesic_ocp.figures.best_view import across, best_view
-from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
     JOINT_INERTIA,
