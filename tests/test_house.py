@@ -22,9 +22,9 @@ LAYERS = [
     ("manifold",),
     ("trajectory",),
     (
-        *("drawing.camera", "drawing.styles", "drawing.arm_shapes", "drawing.obstacles"),
-        *("drawing.best_view", "drawing.arm_strip", "drawing.analysis_figure"),
-        *("drawing.path_figure", "drawing.study_figures"),
+        *("drawing.camera", "drawing.styles", "drawing.raster", "drawing.actors"),
+        *("drawing.arm_shapes", "drawing.best_view", "drawing.arm_strip"),
+        *("drawing.analysis_figure", "drawing.path_figure", "drawing.study_figures"),
     ),
     ("ocp",),
     ("logarithm",),

@@ -10,7 +10,7 @@ import geodesic_ocp as go
 from geodesic_ocp.drawing.analysis_figure import draw_analysis, draw_error_over_time
 from geodesic_ocp.drawing.arm_shapes import Postures
 from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
-from geodesic_ocp.drawing.camera import View
+from geodesic_ocp.drawing.camera import Camera
 
 TIME = np.linspace(0.0, 2.0, 101)
 SEGMENTS = [(0, 10), (10, 70), (70, 75), (75, 100)]
@@ -38,7 +38,7 @@ def figure(arms: tuple[StripArm, StripArm]) -> Figure:
     joints = {"good": 0.01 * bump, "worse": 0.02 * bump, "far worse": 0.5 * bump}
     distances = {"good": 0.002 * bump, "worse": 0.003 * bump, "far worse": 0.004 * bump}
     drawn = Figure(layout="constrained")
-    views = View.of_axes((1, 2)), View.of_axes((0, 2))
+    views = Camera.of_axes((1, 2)), Camera.of_axes((0, 2))
     hands, each = {"hand": (hand, hand + 0.01)}, {"hand": distances}
     instants = [5, 40, 87]
     draw_analysis(drawn, TIME, SEGMENTS, instants, views, arms, hands, joints, each, draw)

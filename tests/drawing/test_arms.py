@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import matplotlib.colors
@@ -14,21 +15,20 @@ from known_models import planar_arm
 from matplotlib.figure import Figure
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.actors import extreme_points
 from geodesic_ocp.drawing.arm_shapes import (
+    DIRECTIONS,
     Postures,
-    Shape,
     approach,
-    convex_parts,
-    extreme_points,
     gap_directions,
+    obstacle_shape,
     outline_of_all,
     posture_shapes,
 )
 from geodesic_ocp.drawing.arm_strip import StripArm, draw_arm_strip, draw_overlay
 from geodesic_ocp.drawing.best_view import across, best_view, plane_of
-from geodesic_ocp.drawing.camera import DIRECTIONS, View
-from geodesic_ocp.drawing.obstacles import obstacle_shape
-from geodesic_ocp.model.meshes import meshes
+from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.raster import outlines
 
 BENT = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 angles = st.floats(-180.0, 180.0)
@@ -43,7 +43,7 @@ def lifted() -> Postures:
 
 @given(angles, heights)
 def test_a_view_is_a_parallel_projection_with_z_up(azimuth: float, elevation: float) -> None:
-    view = View.around_z(azimuth, elevation)
+    view = Camera.around_z(azimuth, elevation)
     points = np.random.default_rng(0).normal(size=(5, 3))
     flat, depth = view.plane(points), view.depth(points)
     assert np.sum(flat**2, axis=1) + depth**2 == pytest.approx(np.sum(points**2, axis=1))
@@ -52,32 +52,33 @@ def test_a_view_is_a_parallel_projection_with_z_up(azimuth: float, elevation: fl
     assert y == pytest.approx(np.cos(np.deg2rad(elevation)))
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_an_outline_is_the_convex_hull(seed: int) -> None:
-    points = np.random.default_rng(seed).normal(size=(40, 3))
-    view = View.around_z(30.0, 20.0)
-    outline, flat = view.outlines(points), view.plane(points)
-    assert (outline @ DIRECTIONS.T).max(axis=0) == pytest.approx((flat @ DIRECTIONS.T).max(axis=0))
-    assert all(np.any(np.all(point == flat, axis=1)) for point in outline)
+@given(angles, heights)
+def test_a_camera_far_away_sees_what_one_at_infinity_sees(azimuth: float, elevation: float) -> None:
+    view = Camera.around_z(azimuth, elevation)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    far = replace(view, eye=1e6 * view.towards, focal=1e6)
+    pixels, depths = far.project(points)
+    assert pixels * [1.0, -1.0] == pytest.approx(view.plane(points), abs=1e-4)
+    assert depths + view.depth(points) == pytest.approx(1e6)
 
 
 def test_views_say_from_where_they_are() -> None:
-    assert View.of_axes((0, 1)).name == "seen from above"
-    assert View.of_axes((0, 2)).name == "seen along y"
-    assert View.around_z(90.0, 0.0).name == "seen along \u2212y"
-    assert View.around_z(-45.0, 20.0).name == "seen from azimuth \u221245°, 20° above"
+    assert Camera.of_axes((0, 1)).name == "seen from above"
+    assert Camera.of_axes((0, 2)).name == "seen along y"
+    assert Camera.around_z(90.0, 0.0).name == "seen along \u2212y"
+    assert Camera.around_z(-45.0, 20.0).name == "seen from azimuth \u221245°, 20° above"
 
 
-def test_parts_fill_the_meshes_of_their_links() -> None:
-    arm = go.human_arm("right")
-    parts = convex_parts(arm)
-    directions = np.random.default_rng(1).normal(size=(50, 3))
-    for link in {mesh.link for mesh in meshes(arm)}:
-        drawn = np.concatenate([part.points for part in parts if part.link == link and part.moves])
-        whole = np.concatenate([mesh.vertices for mesh in meshes(arm) if mesh.link == link])
-        far, there = (drawn @ directions.T).max(axis=0), (whole @ directions.T).max(axis=0)
-        assert far == pytest.approx(there, abs=0.02 * float(np.ptp(whole, axis=0).max()))
-    assert {"head", "thorax", "left hand"} <= {part.link for part in parts if not part.moves}
+@pytest.mark.parametrize("azimuth", [0.0, 70.0])
+def test_outlines_of_links_have_the_extent_of_their_meshes(azimuth: float) -> None:
+    arm, view = go.human_arm("right"), Camera.around_z(azimuth, 10.0)
+    postures = Postures.of(arm, np.zeros((1, arm.dof)))
+    shapes = posture_shapes(postures, 0, view, still=False)
+    for shape, (actor, link, _, vertices, _) in zip(shapes, postures.links, strict=False):
+        corners, drawn = view.plane(actor.placed(link, vertices)[0]), np.concatenate(shape.outlines)
+        assert drawn.min(axis=0) == pytest.approx(corners.min(axis=0), abs=1e-9)
+        assert drawn.max(axis=0) == pytest.approx(corners.max(axis=0), abs=1e-9)
+    assert {"head", "thorax", "left hand"} <= {link for _, link, *_ in postures.links}
 
 
 def test_extreme_points_of_a_ball_are_those_of_all_directions() -> None:
@@ -88,30 +89,26 @@ def test_extreme_points_of_a_ball_are_those_of_all_directions() -> None:
     assert (few @ ball.T).max(axis=0) == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_link_that_is_not_convex_is_divided(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_link_that_is_not_convex_is_seen_so() -> None:
     """Seen along its edge, the corner that an L leaves free stays free."""
     import trimesh
-
-    from geodesic_ocp.drawing import arm_shapes as module
-    from geodesic_ocp.model.look import Mesh
 
     bars = [trimesh.creation.box((1.0, 0.1, 0.1)), trimesh.creation.box((0.1, 0.1, 1.0))]
     bars[0].apply_translation((0.5, 0.0, 0.0))
     bars[1].apply_translation((0.0, 0.0, 0.5))
     corner = trimesh.util.concatenate(bars)
-    mesh = Mesh("tip", np.array(corner.vertices), np.array(corner.faces), (0.5, 0.5, 0.5))
-    monkeypatch.setattr(module, "meshes", lambda _: (mesh,))
-    arm = planar_arm((1.0,), (1.0,), (0.5,), (0.1,))
-    parts = module.convex_parts(arm)
-    assert len(parts) > 1
-    for part in parts:  # the middle of the hull of the whole lies in none of them
-        outline = View.of_axes((0, 2)).outlines(part.points) - [0.45, 0.45]
-        assert np.any((outline @ DIRECTIONS.T).max(axis=0) < 0.0)
+    corners = Camera.of_axes((0, 2)).plane(corner.vertices)
+    (line,) = outlines(corners, np.array(corner.faces))
+    x, y = line.T
+    area = 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    assert area == pytest.approx(0.1 + 0.1 - 0.05 * 0.05, rel=0.02)
+    for bar, along in ((x, y), (y, x)):  # they do not leave the bars
+        assert np.all((bar < 0.06) | (along < 0.06))
 
 
 @pytest.mark.slow
 def test_the_rest_of_a_person_is_grey_and_stays(lifted: Postures) -> None:
-    view = View.around_z(0.0, 0.0)
+    view = Camera.around_z(0.0, 0.0)
     first, last = (posture_shapes(lifted, index, view) for index in (0, 2))
     same = [np.array_equal(a.outlines[0], b.outlines[0]) for a, b in zip(first, last, strict=True)]
     assert 0 < sum(same) < len(same)
@@ -120,15 +117,22 @@ def test_the_rest_of_a_person_is_grey_and_stays(lifted: Postures) -> None:
     assert len(posture_shapes(lifted, 0, view, still=False)) == len(same) - sum(same)
 
 
-def test_the_outline_of_all_is_that_of_the_union() -> None:
-    circles = 0.5 * DIRECTIONS, 0.5 * DIRECTIONS + [0.6, 0.0]
-    discs = [Shape((circle,), 0.0, (1.0,) * 3, (0.0,) * 3) for circle in circles]
-    line = outline_of_all(discs)
-    line = line[~np.isnan(line[:, 0])]
+def test_an_outline_is_that_of_the_union() -> None:
+    circles = np.concatenate([0.5 * DIRECTIONS, 0.5 * DIRECTIONS + [0.6, 0.0]])
+    fan = np.array([[0, k, k + 1] for k in range(1, 63)])
+    (line,) = outlines(circles, np.concatenate([fan, fan + 64]))
     for centre in ([0.0, 0.0], [0.6, 0.0]):
         assert np.linalg.norm(line - centre, axis=1).min() > 0.499
     assert line[:, 0].min() == pytest.approx(-0.5)
     assert line[:, 0].max() == pytest.approx(1.1)
+
+
+def test_the_outline_of_all_is_around_all_that_moves(lifted: Postures) -> None:
+    view = Camera.of_axes((1, 2))
+    line = outline_of_all(lifted, 1, view)
+    every = np.concatenate([view.plane(points[1]) for points in lifted.moving])
+    assert np.nanmin(line, axis=0) == pytest.approx(every.min(axis=0), abs=0.005)
+    assert np.nanmax(line, axis=0) == pytest.approx(every.max(axis=0), abs=0.005)
 
 
 def test_a_planar_arm_is_seen_at_right_angles_to_its_plane() -> None:
@@ -178,27 +182,27 @@ def test_the_nearest_approach_is_that_of_the_distances() -> None:
 
 
 def test_obstacles_have_their_size() -> None:
-    view = View.around_z(20.0, 30.0)
+    view = Camera.around_z(20.0, 30.0)
     ball = obstacle_shape(go.Ball((1.0, 2.0, 3.0), 0.2), view)
     assert ball is not None
     centre = view.plane([1.0, 2.0, 3.0])
     assert np.linalg.norm(ball.outlines[0] - centre, axis=1) == pytest.approx(0.2)
-    post = obstacle_shape(go.Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1), View.of_axes((0, 2)))
+    post = obstacle_shape(go.Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1), Camera.of_axes((0, 2)))
     assert post is not None
     assert np.ptp(post.outlines[0], axis=0) == pytest.approx([0.2, 1.2])
     table = go.HalfSpace((0.0, 0.0, 0.4), (0.0, 0.0, 1.0))
     box = np.zeros(2), np.ones(2)
-    behind = obstacle_shape(table, View.of_axes((0, 2)), box)
+    behind = obstacle_shape(table, Camera.of_axes((0, 2)), box)
     assert behind is not None
     assert np.ptp(behind.outlines[0], axis=0) == pytest.approx([1.0, 0.4])
-    assert obstacle_shape(table, View.of_axes((0, 1)), box) is None
+    assert obstacle_shape(table, Camera.of_axes((0, 1)), box) is None
 
 
 def test_a_strip_is_to_scale_and_marks_targets(lifted: Postures) -> None:
     axes = Figure().add_subplot()
     path = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.4]])
     targets = lifted.hands[:, 0]
-    view = View.of_axes((1, 2))
+    view = Camera.of_axes((1, 2))
     table = go.HalfSpace((0.0, 0.0, -0.5), (0.0, 0.0, 1.0))
     labels = ["a", "b", "c"]
     arms = [StripArm(lifted)]
@@ -222,7 +226,7 @@ def test_what_is_written_in_a_strip_is_read_on_white_and_on_black(
     with matplotlib.style.context(style):
         figure = Figure()
         axes = figure.add_subplot()
-        arms, views = [StripArm(lifted)], [View.of_axes((1, 2)), View.around_z(30.0, 20.0)]
+        arms, views = [StripArm(lifted)], [Camera.of_axes((1, 2)), Camera.around_z(30.0, 20.0)]
         draw_arm_strip(axes, views, ["a", "b", "c"], arms, title="robot $x^$ of _a & b")
         figure.draw_without_rendering()  # the title is text, not a formula
     written = [*(text.get_color() for text in axes.texts), axes.get_lines()[-1].get_color()]
@@ -242,7 +246,7 @@ def test_an_overlay_grows_darker_and_has_units() -> None:
     axes = Figure().add_subplot()
     arm = planar_arm((0.5, 0.2), (1.0, 1.0), (0.2, 0.1), (0.01, 0.01))
     postures = Postures.of(arm, [[0.0, 0.4], [0.5, 0.8], [1.0, 1.0]])
-    draw_overlay(axes, View.of_axes((0, 1)), postures, ["0", "0.5", "1"])
+    draw_overlay(axes, Camera.of_axes((0, 1)), postures, ["0", "0.5", "1"])
     light = [each.get_edgecolor()[0, :3].sum() for each in axes.collections]
     assert light == sorted(light, reverse=True)
     assert axes.get_xlabel() == "x [m]"

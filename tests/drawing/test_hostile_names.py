@@ -13,6 +13,7 @@ from drawing.browser import BODY, WIDTH, ask, changed_fraction, opened, panes
 from gadget import urdf
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.actors import model_actor
 from geodesic_ocp.drawing.playback_of import playback_of
 from geodesic_ocp.drawing.scene import (
     Curve,
@@ -25,7 +26,6 @@ from geodesic_ocp.drawing.scene import (
     Solid,
     Span,
     Trail,
-    model_actor,
 )
 from geodesic_ocp.drawing.viewer import Viewer
 

@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.scene import Actor, model_actor
-from geodesic_ocp.drawing.surroundings import rest_of_person
+from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
 from geodesic_ocp.model.anthropometry import Sex
 from geodesic_ocp.model.meshes import meshes
 
@@ -35,8 +34,7 @@ def apart(points: Array, others: Array) -> float:
 
 
 def rest(model: go.Model) -> Actor:
-    found = rest_of_person(model)
-    assert found is not None
+    (found,) = rest_of_person(model)
     return found
 
 
@@ -83,9 +81,9 @@ def test_a_trunk_is_as_wide_as_the_shoulders_of_both_arms(half: float) -> None:
 
 def test_other_models_have_no_rest() -> None:
     arm = go.human_arm("right")
-    assert rest_of_person(go.human_upper_body()) is None
-    assert rest_of_person(go.load_model(urdf(), hand="grip")) is None
-    assert rest_of_person(go.combine(arm, go.human_arm("left"))) is None  # shoulders coincide
-    assert rest_of_person(go.combine(arm, arm, placements=[(0, 0, 0), (1, 0, 0)])) is None
-    assert rest_of_person(arm.with_bodies(go.Ball((0, 0, 0), 0.1, "right hand"))) is None
+    assert not rest_of_person(go.human_upper_body())
+    assert not rest_of_person(go.load_model(urdf(), hand="grip"))
+    assert not rest_of_person(go.combine(arm, go.human_arm("left")))  # shoulders coincide
+    assert not rest_of_person(go.combine(arm, arm, placements=[(0, 0, 0), (1, 0, 0)]))
+    assert not rest_of_person(arm.with_bodies(go.Ball((0, 0, 0), 0.1, "right hand")))
     assert meshes(arm)

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.actors import model_actor
 from geodesic_ocp.drawing.page import document, fragment
-from geodesic_ocp.drawing.scene import Playback, Scene, model_actor
+from geodesic_ocp.drawing.scene import Playback, Scene
 from geodesic_ocp.drawing.viewer import Viewer
 
 pytestmark = pytest.mark.slow

@@ -12,13 +12,14 @@ from numpy.testing import assert_allclose
 from small_retargeting import both_arms, both_arms_of_talos, small_analysis, small_retargeting
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.actors import Actor
 from geodesic_ocp.drawing.alignment_scene import alignment_playback
 from geodesic_ocp.drawing.retargeting_scenes import (
     BASELINE,
     retargeting_playback,
     retargetings_playback,
 )
-from geodesic_ocp.drawing.scene import Actor, Playback, Scene, Trail
+from geodesic_ocp.drawing.scene import Playback, Scene, Trail
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.meshes import meshes
 

@@ -12,7 +12,8 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.drawing import viewer as viewer_module
-from geodesic_ocp.drawing.scene import Playback, Scene, model_actor
+from geodesic_ocp.drawing.actors import model_actor
+from geodesic_ocp.drawing.scene import Playback, Scene
 from geodesic_ocp.drawing.viewer import Viewer, show
 
 ARM = go.human_arm("right")

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
 from geodesic_ocp.drawing import save_video as writers
+from geodesic_ocp.drawing.actors import Actor
 from geodesic_ocp.drawing.panels import layout
-from geodesic_ocp.drawing.rendering import nearest_fragments
+from geodesic_ocp.drawing.raster import nearest_fragments
 from geodesic_ocp.drawing.save_video import save_video
 from geodesic_ocp.drawing.scene import (
     PARAMETER,
-    Actor,
     Curve,
     EllipsoidTrack,
     FrameTrack,

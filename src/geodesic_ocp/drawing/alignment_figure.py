@@ -11,12 +11,11 @@ from geodesic_ocp.drawing.arm_shapes import (
     TINT,
     Postures,
     draw_shapes,
-    mixed,
     outline_of_all,
     posture_shapes,
 )
-from geodesic_ocp.drawing.camera import View
-from geodesic_ocp.drawing.styles import ROLES, new_figure
+from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.styles import ROLES, mixed, new_figure
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, axis_name
 from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
@@ -78,7 +77,7 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
     panels = figure.subplots(len(_VIEWS), len(q), sharex="row", sharey="row", squeeze=False)
     corners: list[Array] = []
     for row, (seen, (axis, name)) in enumerate(_VIEWS.items()):
-        view = View.of_axes((axis, 2))
+        view = Camera.of_axes((axis, 2))
         of_robot = view.turned(base)
         shift = -of_robot.plane(shoulder)
         drawn = []
@@ -89,7 +88,7 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
             # What does not move is pale and behind, so that the arm is seen from either side.
             draw_shapes(axes, [each.moved(shift) for each in shapes], 1.0)
             draw_shapes(axes, [each.moved(shift) for each in moving], 2.0)
-            outline = scale * outline_of_all(posture_shapes(human, column, view, still=False))
+            outline = scale * outline_of_all(human, column, view)
             axes.plot(*outline.T, **_PERSON, label="person, scaled")
             for label, (point, marker) in _marks(robot, aligned, found.q[column]).items():
                 drawn.append(view.plane(point)[None])
@@ -125,7 +124,7 @@ def _marks(robot: Model, aligned: Alignment, q: Array) -> dict[str, tuple[Array,
     return marks
 
 
-def _draw_arrow(axes: Axes, view: View, start: Array, way: Array, style: dict[str, Any]) -> Array:
+def _draw_arrow(axes: Axes, view: Camera, start: Array, way: Array, style: dict[str, Any]) -> Array:
     """Return an arrow, or a circle if it is seen end-on; returns its ends in the plane (2, 2)."""
     ends = view.plane(np.array([start, start + way]))
     if np.linalg.norm(ends[1] - ends[0]) < _END_ON * np.linalg.norm(way):

@@ -9,18 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.model_scene import hand_frames, hand_trails, rest_of
-from geodesic_ocp.drawing.scene import (
-    Actor,
-    Curve,
-    FrameTrack,
-    Playback,
-    Plot,
-    Scene,
-    Span,
-    Trail,
-    model_actor,
-)
+from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
+from geodesic_ocp.drawing.model_scene import hand_frames, hand_trails
+from geodesic_ocp.drawing.scene import Curve, FrameTrack, Playback, Plot, Scene, Span, Trail
 from geodesic_ocp.model.anthropometry import trunk
 from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, stature
 from geodesic_ocp.model.model import Model
@@ -129,7 +120,7 @@ def alignment_playback(aligned: Alignment, robot: Model) -> Playback:
         Scene(
             "person",
             time,
-            (model_actor(person, q, role="observed"), *rest_of(person)),
+            (model_actor(person, q, role="observed"), *rest_of_person(person)),
             hand_trails(person, q, "observed"),
             frames=hand_frames(person, q),
             note=person.name,

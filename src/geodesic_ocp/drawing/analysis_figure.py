@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.arm_strip import StripArm, draw_arm_strip
-from geodesic_ocp.drawing.camera import View
+from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.drawing.styles import (
     BASELINE,
     COMPARED,
@@ -195,7 +195,7 @@ def draw_analysis(
     time: Array,
     segments: Sequence[tuple[int, int]],
     instants: Sequence[int],
-    views: Sequence[View],
+    views: Sequence[Camera],
     arms: Sequence[StripArm],
     hands: Mapping[str, tuple[Array, Array]],
     joints: Mapping[str, Array],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.drawing.arm_shapes import (
     TINT,
     Postures,
@@ -16,17 +16,16 @@ from geodesic_ocp.drawing.arm_shapes import (
     approach,
     draw_shapes,
     gap_directions,
-    mixed,
+    obstacle_shapes,
     outline_of_all,
     posture_shapes,
 )
 from geodesic_ocp.drawing.best_view import best_view, plane_of
-from geodesic_ocp.drawing.camera import View, draw_axes_of_space, draw_scale
-from geodesic_ocp.drawing.obstacles import obstacle_shape
-from geodesic_ocp.drawing.styles import OBSERVED, PREDICTED, ROLES
+from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.styles import OBSERVED, PREDICTED, ROLES, mixed
 from geodesic_ocp.model.distances import NearestPoints
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Body, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.primitives import HalfSpace, Obstacle, as_capsule
 from geodesic_ocp.trajectory.path import Path
 
 if TYPE_CHECKING:
@@ -35,14 +34,16 @@ if TYPE_CHECKING:
 
 
 _GAP = 0.18  # between figures and between views, of the largest extent
-_NOTE: dict[str, Any] = {"color": "0.45", "fontsize": "small"}
+_SCALES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # [m]
+_SHORT = 0.15  # of an axis that is not named, as it is seen nearly end-on
+_NOTE: dict[str, Any] = {"color": "0.45", "fontsize": "small"}  # read on black, too
 _PATH: dict[str, Any] = {"linewidth": 0.9, "zorder": 4.0}
 _OUTLINE: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (3.0, 1.2)), "zorder": 3.0}
 _TARGET: dict[str, Any] = {"markersize": 6.0, "markeredgewidth": 1.2, "zorder": 4.1}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StripArm:
+class StripArm(ShortRepr):
     """Shapes to be drawn of a model in each figure of a strip.
 
     Attributes:
@@ -57,8 +58,25 @@ class StripArm:
     label: str = "arm"
     filled: bool = True
 
-    def __repr__(self) -> str:
-        return f"StripArm({self.label!r}, {self.role})"
+    _shown = ("label", "role")
+
+
+def draw_scale(axes: Axes, x: float, y: float, height: float) -> None:
+    """Draw a vertical bar of a round length [m] from a point in the figure."""
+    length = max((each for each in _SCALES if each <= 0.6 * height), default=_SCALES[0])
+    axes.plot([x, x], [y, y + length], color="0.45", linewidth=1.5)
+    place: dict[str, Any] = {"textcoords": "offset points", "ha": "left", "va": "center"}
+    axes.annotate(f"{length:g} m", (x, y + length / 2), (4.0, 0.0), rotation=90, **place, **_NOTE)
+
+
+def draw_axes_of_space(axes: Axes, view: Camera, origin: Array, length: float) -> None:
+    """Draw the axes x, y and z [m] from a point (2,) of the figure."""
+    tips = length * view.plane(np.eye(3))
+    for name, tip in zip("xyz", tips, strict=True):
+        axes.plot(*np.array([origin, origin + tip]).T, color="0.45", linewidth=1.0)
+        if np.linalg.norm(tip) > _SHORT * length:
+            x, y = origin + 1.35 * tip
+            axes.text(x, y, name, ha="center", va="center", **_NOTE)
 
 
 def strip_instants(segments: Sequence[tuple[int, int]], count: int) -> list[int]:
@@ -78,7 +96,7 @@ def strip_instants(segments: Sequence[tuple[int, int]], count: int) -> list[int]
 
 def draw_arm_strip(
     axes: Axes,
-    views: Sequence[View],
+    views: Sequence[Camera],
     labels: Sequence[str],
     arms: Sequence[StripArm],
     *,
@@ -103,34 +121,31 @@ def draw_arm_strip(
         Handles for a legend.
     """
     rows = [_row(view, len(labels), arms, obstacles, paths) for view in views]
+    planes = [each for each in obstacles if isinstance(each, HalfSpace)]
+    observed = ROLES["observed"]["color"]
     width = max(high[0] - low[0] for _, low, high in rows)
     tallest = max(high[1] - low[1] for _, low, high in rows)
     gap = _GAP * max(width, tallest)
     pitch, top = width + gap, 0.0
     for view, (columns, low, high) in zip(views, rows, strict=True):
         height = float(high[1] - low[1])
-        origin = np.array([(low[0] + high[0]) / 2.0, high[1] - top])
-        shifts = [np.array([column * pitch, 0.0]) - origin for column in range(len(labels))]
-        cell = np.array([-pitch / 2.0, -height - gap / 4.0]), np.array([pitch / 2.0, gap / 3.0])
-        for column, (shapes, shift) in enumerate(zip(columns, shifts, strict=True)):
-            here = cell[0] - shift + [column * pitch, top], cell[1] - shift + [column * pitch, top]
-            planes = [each for each in obstacles if isinstance(each, HalfSpace)]
-            ground = [obstacle_shape(each, view, here) for each in planes]
-            every = [*(each for each in ground if each is not None), *shapes]
-            draw_shapes(axes, [shape.moved(shift) for shape in every])
+        origin = np.array([(low[0] + high[0]) / 2.0, high[1]])
+        margins = np.array([[-pitch / 2.0, -height - gap / 4.0], [pitch / 2.0, gap / 3.0]])
+        for column, shapes in enumerate(columns):
+            shift = np.array([column * pitch, top]) - origin
+            low, high = margins + origin
+            ground = obstacle_shapes(planes, view, (low, high))
+            draw_shapes(axes, [shape.moved(shift) for shape in (*ground, *shapes)])
             for arm in arms:
                 if not arm.filled:
-                    bodies = posture_shapes(arm.postures, column, view, still=False)
-                    line = outline_of_all(bodies) + shift
+                    line = outline_of_all(arm.postures, column, view) + shift
                     axes.plot(*line.T, color=ROLES[arm.role]["color"], **_OUTLINE)
             for path in paths:
-                axes.plot(
-                    *(view.plane(path) + shift).T, color=ROLES[arms[0].role]["color"], **_PATH
-                )
+                line = view.plane(path) + shift
+                axes.plot(*line.T, color=ROLES[arms[0].role]["color"], **_PATH)
             if targets is not None:
                 mark = view.plane(targets[column]) + shift
-                colour = ROLES["observed"]["color"]
-                axes.plot(*mark, "+", color=colour, **_TARGET)
+                axes.plot(*mark, "+", color=observed, **_TARGET)
         middle = (-0.5 * pitch, top - 0.5 * height)
         if len(views) > 1:
             axes.text(*middle, view.name, **_NOTE, rotation=90, ha="right", va="center")
@@ -152,22 +167,26 @@ def draw_arm_strip(
 
 
 def _row(
-    view: View,
+    view: Camera,
     count: int,
     arms: Sequence[StripArm],
     obstacles: Sequence[Obstacle],
     paths: Sequence[Array],
 ) -> tuple[list[list[Shape]], Array, Array]:
     """Return shapes of each figure, and the corners (2,) of a box around all of them."""
-    bodies = [each for each in obstacles if not isinstance(each, HalfSpace)]
-    fixed = [shape for body in bodies if (shape := obstacle_shape(body, view)) is not None]
-    columns = []
-    for column in range(count):
-        shapes = list(fixed)
-        for number, arm in enumerate(arms):
-            if arm.filled:
-                shapes += posture_shapes(arm.postures, column, view, arm.role, still=number == 0)
-        columns.append(shapes)
+    fixed = obstacle_shapes(obstacles, view)
+    columns = [
+        [
+            *fixed,
+            *(
+                shape
+                for number, arm in enumerate(arms)
+                if arm.filled
+                for shape in posture_shapes(arm.postures, column, view, arm.role, still=number == 0)
+            ),
+        ]
+        for column in range(count)
+    ]
     points = [outline for shapes in columns for shape in shapes for outline in shape.outlines]
     points += [view.plane(arm.postures.joints).reshape(-1, 2) for arm in arms]
     every = np.concatenate([*points, *(view.plane(path) for path in paths)])
@@ -196,7 +215,7 @@ _LABEL |= {"bbox": {"boxstyle": "round,pad=0.1", "color": "white", "alpha": 0.75
 
 def draw_overlay(
     axes: Axes,
-    view: View,
+    view: Camera,
     postures: Postures,
     labels: Sequence[str],
     *,
@@ -219,8 +238,7 @@ def draw_overlay(
         shapes = posture_shapes(postures, index, view, ink=float(ink), still=index == 0)
         draw_shapes(axes, shapes, 2.0 + 0.1 * index)
         everywhere += [outline for shape in shapes for outline in shape.outlines]
-    bodies = [obstacle_shape(each, view) for each in obstacles]
-    fixed = [shape for shape in bodies if shape is not None]
+    fixed = obstacle_shapes(obstacles, view)
     everywhere += [outline for shape in fixed for outline in shape.outlines]
     if path is not None:
         line = view.plane(path)
@@ -231,8 +249,7 @@ def draw_overlay(
     size = float((high - low).max())
     low, high = low - _MARGIN * size, high + _MARGIN * size
     planes = [each for each in obstacles if isinstance(each, HalfSpace)]
-    ground = [obstacle_shape(each, view, (low, high)) for each in planes]
-    draw_shapes(axes, [*(shape for shape in ground if shape is not None), *fixed], 1.0)
+    draw_shapes(axes, [*obstacle_shapes(planes, view, (low, high)), *fixed], 1.0)
     hands = view.plane(postures.hands[:, 0])
     axes.plot(*hands.T, "o", **_DOT)
     centre = view.plane(postures.joints).mean(axis=(0, 1))
@@ -244,7 +261,7 @@ def draw_overlay(
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal", adjustable="box")
-    names = ["xyz"[int(np.argmax(np.abs(side)))] for side in (view.right, view.up)]
+    names = ["xyz"[int(np.argmax(np.abs(side)))] for side in view.axes[:2]]
     axes.set_xlabel(f"{names[0]} [m]")
     axes.set_ylabel(f"{names[1]} [m]")
 
@@ -272,7 +289,7 @@ _INSET_PATH: dict[str, Any] = {"color": OBSERVED["color"], "linewidth": 0.9, "zo
 
 def draw_close_up(
     axes: Axes,
-    view: View,
+    view: Camera,
     model: Model,
     q: Array,
     points: Array,
@@ -297,13 +314,18 @@ def draw_close_up(
     centre = view.plane(points.mean(axis=0))
     half = _HALF * float(np.ptp(posture.joints[0], axis=0).max())
     box = centre - half, centre + half
-    seen = [obstacle_shape(each, view, box) for each in obstacles]
-    shapes = [shape for shape in seen if shape is not None]
+    shapes = obstacle_shapes(obstacles, view, box)
     draw_shapes(axes, [*posture_shapes(posture, 0, view), *shapes])
     for body in model.bodies:
         if body.link is not None and model.moves(body.link) and body.link in (links or [body.link]):
-            outline = _outline(model, body, q, view)
-            axes.plot(*np.concatenate([outline, outline[:1]]).T, zorder=3.0, **_BODY)
+            rotation, position = model.frame_pose(body.link, q)
+            capsule = as_capsule(body)
+            ends = (rotation @ np.array(at) + position for at in (capsule.start, capsule.end))
+            start, end = (tuple(each.tolist()) for each in ends)
+            placed = replace(capsule, start=start, end=end, link=None)
+            for shape in obstacle_shapes([placed], view):
+                (outline,) = shape.outlines
+                axes.plot(*np.concatenate([outline, outline[:1]]).T, zorder=3.0, **_BODY)
     for path in paths:
         axes.plot(*view.plane(path).T, **_INSET_PATH)
     axes.plot(*view.plane(points).T, zorder=5.0, **_INSET_GAP)
@@ -313,17 +335,6 @@ def draw_close_up(
     axes.set_xticks([])
     axes.set_yticks([])
     draw_scale(axes, float(box[0][0] + 0.08 * half), float(box[0][1] + 0.08 * half), half)
-
-
-def _outline(model: Model, body: Body, q: Array, view: View) -> Array:
-    """Return outline (m, 2) of a body that is fixed to a link."""
-    assert body.link is not None
-    rotation, position = model.frame_pose(body.link, q)
-    capsule = as_capsule(body)
-    start, end = (rotation @ np.array(each) + position for each in (capsule.start, capsule.end))
-    shape = obstacle_shape(replace(capsule, start=start, end=end, link=None), view)
-    assert shape is not None
-    return shape.outlines[0]
 
 
 _INSTANTS, _SAMPLES = 6, 101

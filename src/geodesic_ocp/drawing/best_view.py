@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.arm_shapes import Postures
-from geodesic_ocp.drawing.camera import DIRECTIONS, View
+from geodesic_ocp.drawing.arm_shapes import DIRECTIONS, Postures
+from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.model.primitives import Capsule, HalfSpace, Obstacle, as_capsule
 
 _FLAT = 1e-6  # extent along an axis, relative to the largest, of a motion in a plane
@@ -25,15 +25,15 @@ _SEEN = 1e-6
 _ROUGH = DIRECTIONS[::4]
 
 
-def plane_of(postures: Postures) -> View | None:
+def plane_of(postures: Postures) -> Camera | None:
     """Get the view onto the plane of two axes in which everything moves; None if there is none."""
     points = postures.joints.reshape(-1, 3)
     extents = np.ptp(points, axis=0)
     flat = extents <= _FLAT * extents.max()
     if flat[2]:
-        return View.of_axes((0, 1))
+        return Camera.of_axes((0, 1))
     if flat[0] or flat[1]:
-        return View.of_axes((1, 2)) if flat[0] else View.of_axes((0, 2))
+        return Camera.of_axes((1, 2)) if flat[0] else Camera.of_axes((0, 2))
     return None
 
 
@@ -43,7 +43,7 @@ def best_view(
     obstacles: Sequence[Obstacle] = (),
     nearest: Array | None = None,
     closest: int | None = None,
-) -> View:
+) -> Camera:
     """Return the view, with z up, that shows most of a motion, and its distance from obstacles.
 
     Convex bodies that are apart appear apart in every view across the line between their nearest
@@ -65,22 +65,22 @@ def best_view(
         if isinstance(obstacle, HalfSpace):
             x, y, _ = obstacle.normal
             azimuths += [float(np.rad2deg(np.arctan2(x, -y))), float(np.rad2deg(np.arctan2(-x, y)))]
-    views = [View.around_z(azimuth, above) for above in _ELEVATIONS for azimuth in azimuths]
+    views = [Camera.around_z(azimuth, above) for above in _ELEVATIONS for azimuth in azimuths]
     way = np.concatenate([postures.joints.reshape(-1, 3), *([] if paths is None else [paths])])
     lines = np.zeros((0, 3)) if nearest is None else nearest
     return max(views, key=lambda view: _worth(view, postures, way, obstacles, lines, closest))
 
 
-def across(view: View, postures: Postures) -> View:
+def across(view: Camera, postures: Postures) -> Camera:
     """Return the view at a right angle to a view with z up from which the hands are hidden less."""
     x, y, _ = view.towards
     azimuth = float(np.rad2deg(np.arctan2(y, x)))
-    views = [View.around_z(azimuth + turn, 0.0) for turn in (90.0, -90.0)]
+    views = [Camera.around_z(azimuth + turn, 0.0) for turn in (90.0, -90.0)]
     return min(views, key=lambda other: _hidden(other, postures))
 
 
 def _worth(
-    view: View,
+    view: Camera,
     postures: Postures,
     way: Array,
     obstacles: Sequence[Obstacle],
@@ -92,7 +92,7 @@ def _worth(
     worth = float(spread / np.linalg.norm(way - way.mean(axis=0), ord="nuc"))
     worth += _SIMPLE * (view.axis is not None) - _HIDDEN * _hidden(view, postures)
     worth -= _STEEP * abs(float(view.towards[2]))
-    if bodies := postures.still():
+    if bodies := postures.still:
         behind = view.depth(np.concatenate(bodies)).mean() - view.depth(postures.joints).mean()
         worth -= _BEHIND * float(np.clip(behind / np.ptp(way, axis=0).max(), -1.0, 1.0))
     if len(lines):
@@ -107,7 +107,7 @@ def _worth(
     return worth
 
 
-def _hidden(view: View, postures: Postures) -> float:
+def _hidden(view: Camera, postures: Postures) -> float:
     """Return share of the joints that move, hands included, that are behind bodies that do not."""
     moves = np.any(np.ptp(postures.joints, axis=0) > _SEEN, axis=-1)
     if not np.any(moves):
@@ -115,19 +115,19 @@ def _hidden(view: View, postures: Postures) -> float:
     joints = postures.joints[:, moves].reshape(-1, 3)
     hidden = np.zeros(len(joints), dtype=bool)
     places, depths = view.plane(joints) @ _ROUGH.T, view.depth(joints)
-    for body in postures.still():
-        inside = np.all(places < (view.plane(body[::4]) @ _ROUGH.T).max(axis=0), axis=1)
+    for body in postures.still:
+        inside = np.all(places < (view.plane(body) @ _ROUGH.T).max(axis=0), axis=1)
         hidden |= inside & (depths < view.depth(body).mean())
     return float(hidden.mean())
 
 
-def _overlaps(view: View, postures: Postures, body: Capsule) -> Array:
+def _overlaps(view: Camera, postures: Postures, body: Capsule) -> Array:
     """Return overlaps (k,) of an obstacle and the moving bodies, relative to its diameter."""
     ends = view.plane(np.array([body.start, body.end])) @ _ROUGH.T
     nearest = ends.min(axis=0) - body.radius  # of the obstacle, by direction
     overlaps = []
-    for points in postures.moving():
-        farthest = (view.plane(points[:, ::4]) @ _ROUGH.T).max(axis=-2)
+    for points in postures.moving:
+        farthest = (view.plane(points) @ _ROUGH.T).max(axis=-2)
         # The gap along the direction that separates them best.
         overlaps.append(np.clip(-np.max(nearest - farthest, axis=-1), 0.0, 2.0 * body.radius))
     if not overlaps:

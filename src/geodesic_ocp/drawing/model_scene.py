@@ -9,17 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.scene import (
-    Actor,
-    Curve,
-    FrameTrack,
-    Plot,
-    Role,
-    Scene,
-    Trail,
-    model_actor,
-)
-from geodesic_ocp.drawing.surroundings import mobility_ellipsoids, rest_of_person
+from geodesic_ocp.drawing.actors import model_actor, rest_of_person
+from geodesic_ocp.drawing.scene import Curve, FrameTrack, Plot, Scene, Trail
+from geodesic_ocp.drawing.styles import Role
+from geodesic_ocp.drawing.surroundings import mobility_ellipsoids
 from geodesic_ocp.model.look import Indices
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.synergies.scores import hand_speeds
@@ -145,7 +138,7 @@ def model_scene(
         note: beside the title.
         joints: whether the joints have frames, too.
     """
-    rest = rest_of(model)
+    rest = rest_of_person(model)
     return Scene(
         title or model.name,
         time,
@@ -193,12 +186,6 @@ def joint_frames(model: Model, q: Array) -> tuple[FrameTrack, ...]:
     """Return the frames of all joints."""
     known = [name for name in model.joint_names if model.pin.existFrame(name)]
     return tuple(FrameTrack(name, *model.frame_pose(name, q)) for name in known)
-
-
-def rest_of(model: Model) -> tuple[Actor, ...]:
-    """Return the parts of the person around the model, such as the trunk of an arm."""
-    rest = rest_of_person(model)
-    return () if rest is None else (rest,)
 
 
 RATE = 200.0  # [Hz], above which a screen and an eye gain nothing

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.actors import model_actor
 from geodesic_ocp.drawing.beside import beside
 from geodesic_ocp.drawing.model_scene import (
     POSITIONS,
@@ -21,14 +22,7 @@ from geodesic_ocp.drawing.model_scene import (
     model_scene,
     shown_samples,
 )
-from geodesic_ocp.drawing.scene import (
-    Curve,
-    Playback,
-    Plot,
-    Scene,
-    Span,
-    model_actor,
-)
+from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span
 from geodesic_ocp.drawing.surroundings import upright
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory

@@ -7,6 +7,7 @@ import hashlib
 import html
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,11 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.panes import role_tint
-from geodesic_ocp.drawing.part import smooth_surface
+from geodesic_ocp.drawing.actors import Actor
+from geodesic_ocp.drawing.panes import TINT
 from geodesic_ocp.drawing.plots import draw_plot
-from geodesic_ocp.drawing.scene import PARAMETER, Actor, Playback, Plot, Scene, Trail, plain_text
-from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS
+from geodesic_ocp.drawing.rendering import smooth_surface
+from geodesic_ocp.drawing.scene import PARAMETER, Playback, Plot, Scene, Trail, plain_text
+from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed
 from geodesic_ocp.model.look import Mesh
 
 _SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "keys.js", "plots.js", "page.js")
@@ -83,50 +85,6 @@ def _library() -> str:
     names = ("LICENSE", "dist/main.min.js.LICENSE.txt", "dist/main.min.js")
     licence, others, script = ((folder / name).read_text(encoding="utf-8") for name in names)
     return f"\n/*!\nMeshcat\n{licence}*/\n{others}\n{script}\n"
-
-
-_INSTANTS = 100  # at most, at which bodies are looked at
-
-
-def extremes(scene: Scene) -> Array:
-    """Return points (k, 3) [m] of actors, trails, markers and finite obstacles, extreme in all
-    directions.
-
-    A view that holds them holds nearly everything at all times.
-    """
-    directions = _directions()
-    points = [trail.points for trail in scene.trails]
-    points += [solid.vertices for solid in scene.solids if not solid.unbounded]
-    points += [cloud.positions.reshape(-1, 3) for cloud in scene.clouds]
-    for actor in scene.actors:
-        for mesh in actor.meshes:
-            rotations, positions = actor.rotations[mesh.link], actor.positions[mesh.link]
-            instants = np.linspace(0, len(positions) - 1, _INSTANTS).round().astype(int)
-            instants = np.unique(instants)
-            corners = _extreme(mesh.vertices, directions)
-            turned = corners @ rotations[instants].transpose(0, 2, 1)
-            points.append((turned + positions[instants, None]).reshape(-1, 3))
-    every = np.concatenate(
-        [_extreme(each[np.isfinite(each).all(axis=1)], directions) for each in points]
-        or [np.zeros((0, 3))]
-    )
-    return _extreme(every, directions) if len(every) else np.array(scene.bounds())
-
-
-def _extreme(points: Array, directions: Array) -> Array:
-    """Return the points among (k, 3) that are farthest in one of the directions (m, 3)."""
-    if not len(points):
-        return points
-    farthest: Array = points[np.unique(np.argmax(points @ directions.T, axis=0))]
-    return farthest
-
-
-def _directions() -> Array:
-    azimuths = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-    elevations = np.linspace(-np.pi / 2.0, np.pi / 2.0, 9)
-    azimuth, elevation = (each.reshape(-1) for each in np.meshgrid(azimuths, elevations))
-    level = np.cos(elevation)
-    return np.column_stack([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)])
 
 
 _STEPS = 32767  # on either side of the middle, in 16 bits
@@ -196,14 +154,14 @@ def _plain(data: Any) -> Any:
 def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:
     """Return colours of lines and bodies, and lengths of dash and gap in widths of the line."""
     line = style.get("linestyle")
-    body = [round(each, 4) for each in role_tint(role)]
+    body = [round(each, 4) for each in mixed(style["color"], TINT)]
     return {"colour": style["color"], "body": body, "dash": line[1] if line else None}
 
 
 def _scene(scene: Scene, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "time": encoded(np.asarray(scene.time, dtype="<f8")),
-        "extremes": packed(extremes(scene)),
+        "extremes": packed(replace(scene, ellipsoids=()).points()),  # hidden at first
         "actors": [_actor(actor, shapes, bodies) for actor in scene.actors],
         "trails": [_trail(trail) for trail in scene.trails],
         "solids": [

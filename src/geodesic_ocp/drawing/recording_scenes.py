@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
 from geodesic_ocp.drawing.analysis_figure import widest_columns, widest_of_thirds
 from geodesic_ocp.drawing.model_scene import (
     POSITIONS,
@@ -18,23 +19,13 @@ from geodesic_ocp.drawing.model_scene import (
     joint_groups,
     joint_plots,
     model_scene,
-    rest_of,
     short_name,
     shown_samples,
 )
 from geodesic_ocp.drawing.motion_scenes import motion_playback, of_joints, viewed_from
 from geodesic_ocp.drawing.path_scenes import model_of
-from geodesic_ocp.drawing.scene import (
-    Actor,
-    Curve,
-    Playback,
-    Plot,
-    PointCloud,
-    Role,
-    Scene,
-    Span,
-    model_actor,
-)
+from geodesic_ocp.drawing.scene import Curve, Playback, Plot, PointCloud, Scene, Span
+from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import carried, mobility_ellipsoids
 from geodesic_ocp.model.look import Indices
 from geodesic_ocp.model.model import Model, hand_labels
@@ -69,7 +60,7 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     observed, predicted = motion.q[shown], predictions[_NAME]
     actors = [
         model_actor(model, observed, name="observed", role="observed"),
-        *rest_of(model),
+        *rest_of_person(model),
         _overlay(model, predicted, "predicted", "predicted", "predicted"),
     ]
     trails = [
@@ -209,7 +200,7 @@ def marker_fit_playback(
     time, q = motion.time[shown], motion.q[shown]
     notes = (
         f"{len(fit.names)} markers, typically {1e3 * fit.typical_error:.0f} mm from their places",
-        "the rest of the person was not fitted and is at rest" if rest_of(model) else "",
+        "the rest of the person was not fitted and is at rest" if rest_of_person(model) else "",
         *(f"doubtful: {doubt}" for doubt in fit.doubts),
         note,
     )

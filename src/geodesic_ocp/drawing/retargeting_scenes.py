@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
 from geodesic_ocp.drawing.alignment_scene import BasePose, mountings, share_a_body, shoulder
 from geodesic_ocp.drawing.analysis_figure import widest_of_thirds
 from geodesic_ocp.drawing.model_scene import (
     HAND_SPEED,
     hand_frames,
     hand_trails,
-    rest_of,
     short_name,
     shown_samples,
 )
 from geodesic_ocp.drawing.scene import (
-    Actor,
     Curve,
     EllipsoidTrack,
     FrameTrack,
@@ -33,7 +32,6 @@ from geodesic_ocp.drawing.scene import (
     Solid,
     Span,
     Trail,
-    model_actor,
 )
 from geodesic_ocp.drawing.surroundings import clearances, mobility_ellipsoids, obstacle_solids
 from geodesic_ocp.model.combine import combine
@@ -187,7 +185,7 @@ def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> S
     return Scene(
         "person",
         time,
-        (model_actor(model, q[shown], role="observed"), *rest_of(model)),
+        (model_actor(model, q[shown], role="observed"), *rest_of_person(model)),
         hand_trails(model, q[shown], "observed"),
         frames=hand_frames(model, q[shown]),
         note=names + _slowed(arms, time),

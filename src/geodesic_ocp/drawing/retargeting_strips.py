@@ -11,7 +11,7 @@ import numpy as np
 from geodesic_ocp.drawing.arm_shapes import Postures
 from geodesic_ocp.drawing.arm_strip import StripArm, draw_arm_strip
 from geodesic_ocp.drawing.best_view import best_view
-from geodesic_ocp.drawing.camera import View
+from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.key_poses import PoseMapping
 
@@ -35,7 +35,7 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
     view = best_view(robot, way)
     walk = model.hand_pose(recorded.q)[1]
     beside = _of_person(view, arm.mapping)
-    if not np.allclose(beside.up, view.up):  # lying
+    if not np.allclose(beside.axes[1], view.axes[1]):  # lying
         beside = best_view(person, walk)
     times = [recorded.time - recorded.time[0], arm.motion.time - arm.motion.time[0]]
     labels = [[f"{each:.1f} s" for each in time[samples]] for time in times]
@@ -60,10 +60,10 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
     ]
 
 
-def _of_person(view: View, mapping: PoseMapping) -> View:
+def _of_person(view: Camera, mapping: PoseMapping) -> Camera:
     """Return the view of a person from where a robot is seen, in a mirror if left is right."""
     source, target = np.asarray(mapping.source.base), np.asarray(mapping.target.base)
     mirror = np.diag([-1.0 if mapping.mirror else 1.0, 1.0, 1.0])  # in the person's axes
     from_robot = source @ mirror @ target.T
-    towards, up = from_robot @ view.towards, from_robot @ view.up
-    return View(np.cross(up, towards).round(12), up.round(12))
+    towards, up = from_robot @ view.towards, from_robot @ view.axes[1]
+    return Camera(np.array([np.cross(up, towards), up, towards]).round(12))

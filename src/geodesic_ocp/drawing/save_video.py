@@ -13,11 +13,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array, as_integer, as_number, as_positive
+from geodesic_ocp.drawing.camera import Camera, cameras, first_view
 from geodesic_ocp.drawing.panels import layout, panel
-from geodesic_ocp.drawing.panes import SAMPLES, Pane, pane, scene_parts, scene_points
-from geodesic_ocp.drawing.rendering import Camera, cameras, turned
+from geodesic_ocp.drawing.panes import SAMPLES, Pane, pane, scene_parts
 from geodesic_ocp.drawing.scene import PARAMETER, Playback
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.records import replacing
@@ -42,15 +43,15 @@ def frames(
         layers: those that are shown.
         turns: turns of the camera at each instant [rad]; None: it stands still.
     """
-    scenes = playback.scenes
+    scenes = [scene.showing(layers) for scene in playback.scenes]
     # About half of a frame belongs to the panes.
     pixels = 0.5 * width**2 / len(scenes)
-    parts = [scene_parts(scene, layers, pixels) for scene in scenes]
-    points = [scene_points(scene, each, layers) for scene, each in zip(scenes, parts, strict=True)]
+    parts = [scene_parts(scene, pixels) for scene in scenes]
+    points = [scene.points() for scene in scenes]
+    direction = first_view(playback.azimuth, playback.elevation)
 
     def seen(shape: tuple[int, int]) -> list[Camera]:
-        around = turns is not None
-        return cameras(points, playback.azimuth, shape, around=around, elevation=playback.elevation)
+        return cameras(points, direction, shape, around=turns is not None)
 
     square = seen((1000, 1000))
     extents = [np.ptp(each.project(at)[0], axis=0) for each, at in zip(square, points, strict=True)]
@@ -63,8 +64,8 @@ def frames(
         made: list[Pane] = []
         for scene, each, at, camera in zip(scenes, parts, points, seen(shape), strict=True):
             middle: Array = (at.min(axis=0) + at.max(axis=0)) / 2.0
-            view = turned(camera, middle, angle) if angle else camera
-            made.append(pane(scene, layers, each, at, view, scale))
+            turn = Rotation.from_euler("z", angle).as_matrix()
+            made.append(pane(scene, each, at, camera.turned(turn, middle), scale))
         return made
 
     around = panel(playback, place)

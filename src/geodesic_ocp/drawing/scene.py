@@ -2,92 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.look import Indices, Mesh
-from geodesic_ocp.model.meshes import meshes
-from geodesic_ocp.model.model import Model
-
-# What something shows; each role has one colour in scenes, plots and figures.
-Role: TypeAlias = Literal[
-    "observed",
-    "predicted",
-    "baseline",
-    "second baseline",
-    "third baseline",
-    "fourth baseline",
-    "neutral",
-]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Actor:
-    """A model that moves, or stands still, in a scene.
-
-    Attributes:
-        name: name of the model, for the legend.
-        meshes: meshes of its links, each in the frame of its link.
-        rotations: rotations of each link in the scene, (k, 3, 3), or (1, 3, 3) if it does not move.
-        positions: positions of each link in the scene, (k, 3) or (1, 3) [m].
-        role: role whose colour it has; None: the colours of its meshes.
-        translucent: drawn as an overlay through which others are seen.
-        layer: name of the switch that shows it; "" if it is always shown.
-    """
-
-    name: str
-    meshes: tuple[Mesh, ...]
-    rotations: Mapping[str, Array]
-    positions: Mapping[str, Array]
-    role: Role | None = None
-    translucent: bool = False
-    layer: str = ""
-
-    def __repr__(self) -> str:
-        return f"Actor({self.name!r}, {len(self.meshes)} meshes)"
-
-
-def model_actor(
-    model: Model,
-    q: Array,
-    *,
-    name: str = "",
-    rotation: ArrayLike | None = None,
-    position: ArrayLike = (0.0, 0.0, 0.0),
-    role: Role | None = None,
-    translucent: bool = False,
-    layer: str = "",
-    hidden: Collection[str] = (),
-    shown: tuple[Mesh, ...] | None = None,
-) -> Actor:
-    """Return the links of a model in configurations q.
-
-    Args:
-        model: model whose links are shown.
-        q: configurations (k, n) [rad or m].
-        name: the model's by default.
-        rotation, position: rotation and position of the model's base in the scene, (3, 3) and (3,)
-            [m].
-        role, translucent, layer: see `Actor`.
-        hidden: links that are not drawn.
-        shown: meshes; those of `meshes` by default.
-    """
-    turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
-    parts = meshes(model) if shown is None else shown
-    parts = tuple(part for part in parts if part.link not in hidden)
-    rotations, positions = {}, {}
-    for link in dict.fromkeys(part.link for part in parts):
-        # One pose is enough for a link that does not move.
-        turned, moved = model.frame_pose(link, q if model.moves(link) else q[:1])
-        rotations[link] = turn @ turned
-        positions[link] = moved @ turn.T + np.asarray(position, dtype=float)
-    return Actor(name or model.name, parts, rotations, positions, role, translucent, layer)
-
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.drawing.actors import Actor, extreme_points
+from geodesic_ocp.drawing.styles import Role
+from geodesic_ocp.model.look import Indices
 
 _UNKNOWN = "\N{REPLACEMENT CHARACTER}"
 
@@ -108,7 +32,7 @@ def plain_text(text: str) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trail:
+class Trail(ShortRepr):
     """A line in a scene, such as the path of a hand, with a dot that moves along it.
 
     Attributes:
@@ -125,12 +49,11 @@ class Trail:
     dot: Array | None = None
     layer: str = "hand path"
 
-    def __repr__(self) -> str:
-        return f"Trail({self.name!r}, {len(self.points)} points)"
+    _shown = ("name", "points")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solid:
+class Solid(ShortRepr):
     """A stationary body in a scene, such as an obstacle.
 
     Attributes:
@@ -147,12 +70,11 @@ class Solid:
     unbounded: bool = False
     layer: str = "obstacles"
 
-    def __repr__(self) -> str:
-        return f"Solid({self.name!r})"
+    _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrameTrack:
+class FrameTrack(ShortRepr):
     """A coordinate frame over time, drawn as three axes.
 
     Attributes:
@@ -167,12 +89,11 @@ class FrameTrack:
     positions: Array
     layer: str = "frames"
 
-    def __repr__(self) -> str:
-        return f"FrameTrack({self.name!r})"
+    _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EllipsoidTrack:
+class EllipsoidTrack(ShortRepr):
     """An ellipsoid over time, such as the unit ball of the metric at the hand.
 
     Attributes:
@@ -188,12 +109,11 @@ class EllipsoidTrack:
     axes: Array
     layer: str = "mobility ellipsoids"
 
-    def __repr__(self) -> str:
-        return f"EllipsoidTrack({self.name!r})"
+    _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gap:
+class Gap(ShortRepr):
     """The distance between two bodies over time, drawn between their nearest points.
 
     Attributes:
@@ -209,12 +129,11 @@ class Gap:
     distances: Array
     layer: str = "clearances"
 
-    def __repr__(self) -> str:
-        return f"Gap({self.name!r}, least {self.distances.min():.3g} m)"
+    _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PointCloud:
+class PointCloud(ShortRepr):
     """Points over time, such as markers.
 
     Attributes:
@@ -231,15 +150,16 @@ class PointCloud:
     layer: str = "markers"
     role: Role | None = None
 
-    def __repr__(self) -> str:
-        return f"PointCloud({self.name!r}, {len(self.labels)} points)"
+    _shown = ("name", "labels")
 
 
 _EMPTY = 0.5  # [m], half the size of a scene in which there is nothing
+_INSTANTS = 30  # at most, at which bodies are looked at
+_KINDS = ("actors", "trails", "solids", "clouds", "gaps", "frames", "ellipsoids")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scene:
+class Scene(ShortRepr):
     """One pane: actors and what is drawn around them; x points right, y forward and z up.
 
     Attributes:
@@ -259,36 +179,45 @@ class Scene:
     clouds: tuple[PointCloud, ...] = ()
     note: str = ""
 
-    def __repr__(self) -> str:
-        return f"Scene({self.title!r}, {len(self.actors)} actors, {len(self.time)} samples)"
+    _shown = ("title", "actors", "time")
 
     @property
     def layers(self) -> tuple[str, ...]:
         """Names of the switches that it needs, in order of first use."""
-        kinds = (
-            *(self.actors, self.trails, self.solids, self.clouds),
-            *(self.gaps, self.frames, self.ellipsoids),
-        )
-        names = [str(item.layer) for items in kinds for item in items]
+        names = [str(item.layer) for kind in _KINDS for item in getattr(self, kind)]
         return tuple(name for name in dict.fromkeys(names) if name)
 
-    def bounds(self) -> tuple[Array, Array]:
-        """Return corners (3,) [m] of a box around the actors, the trails and obstacles of finite
-        size.
+    def showing(self, layers: Collection[str]) -> Scene:
+        """Return what is shown with these layers."""
+        shown = {"", *layers}
+        kinds: dict[str, Any] = {kind: getattr(self, kind) for kind in _KINDS}
+        for kind, items in kinds.items():
+            kinds[kind] = tuple(item for item in items if item.layer in shown)
+        return replace(self, **kinds)
+
+    def points(self) -> Array:
+        """Return points (k, 3) [m] that are extreme in all directions: a view that holds them
+        holds nearly everything at all times, but obstacles without end.
         """
-        points = [np.zeros((0, 3))]
+        found = [np.zeros((0, 3)), *(trail.points for trail in self.trails)]
+        found += [solid.vertices for solid in self.solids if not solid.unbounded]
+        found += [cloud.positions.reshape(-1, 3) for cloud in self.clouds]
+        for each in self.ellipsoids:
+            found += [(each.centres[:, None] + end * each.axes).reshape(-1, 3) for end in (-1, 1)]
         for actor in self.actors:
-            for mesh in actor.meshes:
-                box = np.array([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
-                corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
-                turned = corners @ actor.rotations[mesh.link].transpose(0, 2, 1)
-                points.append((turned + actor.positions[mesh.link][:, None]).reshape(-1, 3))
-        points += [trail.points for trail in self.trails]
-        points += [solid.vertices for solid in self.solids if not solid.unbounded]
-        every = np.concatenate(points)
-        if not len(every):
-            return np.full(3, -_EMPTY), np.full(3, _EMPTY)
-        return every.min(axis=0), every.max(axis=0)
+            for link, vertices, _ in actor.links():
+                last = len(actor.positions[link]) - 1
+                instants = np.unique(np.linspace(0, last, _INSTANTS).astype(int))
+                ends = actor.placed(link, extreme_points(vertices), instants)
+                found.append(ends.reshape(-1, 3))
+        every = np.concatenate(found)
+        every = extreme_points(every[np.isfinite(every).all(axis=1)])
+        return every if len(every) else np.array([[-_EMPTY] * 3, [_EMPTY] * 3])
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return corners (3,) [m] of a box around everything of finite size."""
+        points = self.points()
+        return points.min(axis=0), points.max(axis=0)
 
 
 SECONDS, PARAMETER = "time [s]", "path parameter s"
@@ -311,7 +240,7 @@ class Span:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Curve:
+class Curve(ShortRepr):
     """One line of a plot.
 
     Attributes:
@@ -326,12 +255,11 @@ class Curve:
     values: Array
     role: Role | None = None
 
-    def __repr__(self) -> str:
-        return f"Curve({self.name!r}, {len(self.time)} samples)"
+    _shown = ("name", "time")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plot:
+class Plot(ShortRepr):
     """Curves over time, drawn below the scenes.
 
     Attributes:
@@ -348,8 +276,7 @@ class Plot:
     marks: tuple[float, ...] = ()
     marked: str = ""
 
-    def __repr__(self) -> str:
-        return f"Plot({self.label!r}, {len(self.curves)} curves)"
+    _shown = ("label", "curves")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,13 +6,24 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
+# What something shows; each role has one colour in scenes, plots and figures.
+Role: TypeAlias = Literal[
+    "observed",
+    "predicted",
+    "baseline",
+    "second baseline",
+    "third baseline",
+    "fourth baseline",
+    "neutral",
+]
 
 # Dark blue and orange differ in hue and in lightness, and remain distinct in greyscale print.
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
@@ -56,6 +67,14 @@ def line_styles(count: int) -> list[dict[str, Any]]:
         {"color": shades[index], "linestyle": _DASHES[index % len(_DASHES)], "linewidth": 1.6}
         for index in range(count)
     ]
+
+
+def mixed(colour: str, white: float = 0.0) -> tuple[float, float, float]:
+    """Return red, green and blue, from 0 to 1, of a colour with this share of white."""
+    from matplotlib.colors import to_rgb
+
+    red, green, blue = (white + (1.0 - white) * each for each in to_rgb(colour))
+    return red, green, blue
 
 
 # Settings are global: two threads that set and restore them by turns would leave one's for good.

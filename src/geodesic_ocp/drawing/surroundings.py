@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,21 +11,22 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_expression, evaluate
-from geodesic_ocp.drawing.scene import Actor, EllipsoidTrack, Gap, Scene, Solid, Trail, model_actor
+from geodesic_ocp.drawing.actors import Actor, model_actor
+from geodesic_ocp.drawing.scene import EllipsoidTrack, Gap, Scene, Solid
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.distances import has_symbols, nearest_points
 from geodesic_ocp.model.look import Indices, Mesh
-from geodesic_ocp.model.meshes import person_beside
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.model.primitives import Body, HalfSpace, Obstacle, as_capsule
 
 
 def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
-    """Return the actors, paths, frames and ellipsoids of a scene in a frame that is at these poses.
+    """Return a scene without points in a frame that is at these poses.
 
     Args:
-        scene: in axes of the frame, whose paths have a point for each sample.
+        scene: in axes of the frame; if that moves, its paths have a point for each sample, and it
+            has no obstacles.
         rotations: rotations of the frame, (k, 3, 3) or (1, 3, 3).
         positions: positions of its origin, (k, 3) or (1, 3) [m].
     """
@@ -33,30 +34,30 @@ def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
     def moved(points: Array) -> Array:
         return np.asarray((rotations @ points[..., None])[..., 0] + positions)
 
-    def actor(each: Actor) -> Actor:
+    def turned(axes: Array) -> Array:
+        return np.asarray(rotations @ axes)
+
+    ways = {
+        **{"points": moved, "dot": moved, "centres": moved, "starts": moved, "ends": moved},
+        **{"positions": moved, "vertices": moved, "rotations": turned, "axes": turned},
+    }
+
+    def placed(item: Any) -> Any:
+        given = {name: getattr(item, name, None) for name in ways}
         return replace(
-            each,
-            rotations={link: rotations @ turned for link, turned in each.rotations.items()},
-            positions={link: moved(points) for link, points in each.positions.items()},
+            item,
+            **{
+                name: {link: ways[name](each) for link, each in value.items()}
+                if isinstance(value, Mapping)
+                else ways[name](value)
+                for name, value in given.items()
+                if value is not None
+            },
         )
 
-    def trail(each: Trail) -> Trail:
-        dot = None if each.dot is None else moved(each.dot)
-        return replace(each, points=moved(each.points), dot=dot)
-
-    return replace(
-        scene,
-        actors=tuple(actor(each) for each in scene.actors),
-        trails=tuple(trail(each) for each in scene.trails),
-        frames=tuple(
-            replace(each, rotations=rotations @ each.rotations, positions=moved(each.positions))
-            for each in scene.frames
-        ),
-        ellipsoids=tuple(
-            replace(each, centres=moved(each.centres), axes=rotations @ each.axes)
-            for each in scene.ellipsoids
-        ),
-    )
+    kinds = ("actors", "trails", "solids", "frames", "ellipsoids", "gaps")
+    moves: Any = {kind: tuple(map(placed, getattr(scene, kind))) for kind in kinds}
+    return replace(scene, **moves)
 
 
 def upright(scene: Scene, up: Array) -> Scene:
@@ -338,33 +339,3 @@ def _axes_with(z: Array) -> Array:
     across = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     across /= np.linalg.norm(across)
     return np.column_stack([across, np.cross(z, across), z])
-
-
-LAYER = "rest of the person"
-
-
-def rest_of_person(model: Model) -> Actor | None:
-    """Return trunk, head and, beside a single arm, the other arm, in the base frame of the model,
-    at rest.
-
-    See `person_beside`.
-
-    Args:
-        model: model of `human_arm`, or a right and a left one of `combine` with shoulders side by
-            side.
-
-    Returns:
-        None for a model that is not one or both arms of a person, or that has a trunk.
-    """
-    found = person_beside(model)
-    if found is None:
-        return None
-    parts, rotation, position = found
-    places = dict.fromkeys(part.link for part in parts)
-    return Actor(
-        "rest of the person",
-        parts,
-        dict.fromkeys(places, rotation[None]),
-        dict.fromkeys(places, position[None]),
-        layer=LAYER,
-    )
