@@ -13,7 +13,7 @@ from small_retargeting import both_arms, both_arms_of_talos, small_analysis, sma
 
 import geodesic_ocp as go
 from geodesic_ocp.drawing.actors import Actor
-from geodesic_ocp.drawing.alignment_scene import alignment_playback
+from geodesic_ocp.drawing.alignments import alignment_playback
 from geodesic_ocp.drawing.retargeting_scenes import (
     BASELINE,
     retargeting_playback,

@@ -14,7 +14,7 @@ from geodesic_ocp.cli.kinds import Kind, file_kind, folder_files
 from geodesic_ocp.cli.options import Sides, each_side
 from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.cli.terminal import printed_warnings, progress
-from geodesic_ocp.drawing.alignment_scene import alignment_playback
+from geodesic_ocp.drawing.alignments import alignment_playback
 from geodesic_ocp.drawing.motion_scenes import (
     model_playback,
     motion_playback,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,6 +97,14 @@ def model_actor(
         rotations[link] = turn @ turned
         positions[link] = moved @ turn.T + np.asarray(position, dtype=float)
     return Actor(name or model.name, parts, rotations, positions, role, translucent, layer)
+
+
+def is_drawn_by(models: Sequence[Model], number: int, link: str) -> bool:
+    """Return whether one of several arms of a robot draws a link: the first one that moves it, or
+    the first of all.
+    """
+    moved = [model.moves(link) for model in models]
+    return number == (moved.index(True) if any(moved) else 0)
 
 
 def rest_of_person(model: Model) -> tuple[Actor, ...]:

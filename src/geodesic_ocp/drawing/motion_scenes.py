@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.actors import model_actor
+from geodesic_ocp.drawing.actors import is_drawn_by, model_actor
 from geodesic_ocp.drawing.beside import beside
 from geodesic_ocp.drawing.model_scene import (
     POSITIONS,
@@ -116,33 +116,20 @@ def _are_one_body(robots: Sequence[Model], scenes: Sequence[Scene]) -> bool:
 
 def _in_one_body(robots: Sequence[Model], scenes: Sequence[Scene]) -> Scene:
     """Return one scene of the arms of a robot; what none of them moves is shown with the first."""
-    actors = []
-    for number, (robot, scene) in enumerate(zip(robots, scenes, strict=True)):
-        others = [*robots[:number], *robots[number + 1 :]]
-        for actor in scene.actors:
-            kept = tuple(
-                mesh
-                for mesh in actor.meshes
-                if robot.moves(mesh.link)
-                or (number == 0 and not any(other.moves(mesh.link) for other in others))
-            )
-            actors.append(replace(actor, meshes=kept))
     names = list(dict.fromkeys(robot.name for robot in robots))
     labels = [robot.name for robot in robots]
     if len(names) < len(robots):
         labels = [f"arm {number}" for number in range(1, len(robots) + 1)]
-    return replace(
-        scenes[0],
-        title=" and ".join(names),
-        actors=tuple(actors),
-        trails=tuple(
-            replace(trail, name=f"{trail.name}, {label}")
-            for label, scene in zip(labels, scenes, strict=True)
-            for trail in scene.trails
-        ),
-        frames=tuple({frame.name: frame for scene in scenes for frame in scene.frames}.values()),
-        ellipsoids=tuple(each for scene in scenes for each in scene.ellipsoids),
-    )
+    whole = Scene(" and ".join(names), scenes[0].time, note=scenes[0].note)
+    for number, (scene, label) in enumerate(zip(scenes, labels, strict=True)):
+        actors = []
+        for actor in scene.actors:
+            kept = (each for each in actor.meshes if is_drawn_by(robots, number, each.link))
+            actors.append(replace(actor, meshes=tuple(kept)))
+        trails = (replace(each, name=f"{each.name}, {label}") for each in scene.trails)
+        whole = whole.beside(replace(scene, actors=tuple(actors), trails=tuple(trails)))
+    frames = {frame.name: frame for frame in whole.frames}
+    return replace(whole, frames=tuple(frames.values()))
 
 
 _NOT_FILTERED = "speed of the recorded motion, without filtering"

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, get_args, get_type_hints
 
 import numpy as np
 
-from geodesic_ocp.drawing.alignment_scene import alignment_playback
+from geodesic_ocp.drawing.alignments import alignment_playback
 from geodesic_ocp.drawing.beside import beside
 from geodesic_ocp.drawing.motion_scenes import (
     body_of,

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
-from geodesic_ocp.drawing.alignment_scene import BasePose, mountings, share_a_body, shoulder
+from geodesic_ocp.drawing.actors import is_drawn_by, model_actor, rest_of_person
 from geodesic_ocp.drawing.analysis_figure import widest_of_thirds
 from geodesic_ocp.drawing.model_scene import (
     HAND_SPEED,
@@ -23,7 +21,6 @@ from geodesic_ocp.drawing.model_scene import (
 )
 from geodesic_ocp.drawing.scene import (
     Curve,
-    EllipsoidTrack,
     FrameTrack,
     Gap,
     Playback,
@@ -33,135 +30,127 @@ from geodesic_ocp.drawing.scene import (
     Span,
     Trail,
 )
-from geodesic_ocp.drawing.surroundings import clearances, mobility_ellipsoids, obstacle_solids
+from geodesic_ocp.drawing.styles import Role
+from geodesic_ocp.drawing.surroundings import (
+    carried,
+    clearances,
+    mobility_ellipsoids,
+    obstacle_solids,
+)
+from geodesic_ocp.model.anthropometry import trunk
 from geodesic_ocp.model.combine import combine
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, stature
 from geodesic_ocp.model.look import Indices
-from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import hand_speeds
 
-# Flexion of shoulder and elbow [rad], the first and the fourth joint of a human arm.
-
-
 #: Layer of the motion by inverse kinematics, which tracks the whole path of the hand.
 BASELINE = "inverse kinematics (QP)"
 TARGET, SYNERGIES = "person's hand, mapped", "robot's hand"
 LONGER = 1.005  # times the person's time, from which it is said
+Rows = dict[str, tuple[Span, ...]]  # spans by the name of their row
 
 
-def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) -> Scene:
+def _shoulder(arm: RetargetedArm, count: int) -> Array:
+    """Return the person's shoulder in the scene (3,) [m]: the origin, or to one side of it if of
+    two.
+    """
+    model = arm.analysis.model
+    if count == 1 or not {"left", "right"} & set(model.name.split()):
+        return np.zeros(3)
+    height = stature(model) or DEFAULT_HEIGHT
+    side = -1.0 if "left" in model.name else 1.0
+    return np.array([side * trunk().half_width * height, 0.0, 0.0])
+
+
+def _share_a_body(arms: Sequence[RetargetedArm]) -> bool:
+    """Return whether the arms are of one robot: same links, shoulders at several places."""
+    frames = [{str(frame.name) for frame in arm.robot.pin.frames} for arm in arms]
+    shoulders = np.array([np.asarray(arm.mapping.target.shoulder) for arm in arms])
+    are_distinct = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
+    return len(arms) > 1 and are_distinct and all(names == frames[0] for names in frames)
+
+
+def robot_pane(retargeting: Retargeting, shown: Indices, start: float) -> Scene:
     """Return the robots in motion, with the paths of their hands and of the person's.
 
-    Mobility ellipsoids are those of the metric in which the paths were planned, clearances those
-    from obstacles.
+    Each robot's axes are along the person's, and its shoulder is at the person's; the arms of one
+    robot keep their distance from each other, and their middle is the origin. Mobility ellipsoids
+    are those of the metric in which the paths were planned, clearances those from obstacles.
 
     Args:
         retargeting: result of `retarget`.
         shown: indices of the samples that are drawn.
         start: start of the motion in the playback's time [s].
     """
-    arms = retargeting.arms
-    actors: list[Actor] = []
-    trails: list[Trail] = []
-    frames: list[FrameTrack] = []
-    solids: list[Solid] = []
-    ellipsoids: list[EllipsoidTrack] = []
-    gaps: list[Gap] = []
-    for number, (arm, placed) in enumerate(zip(arms, mountings(arms), strict=True)):
-        which = f", {arm.robot.name}" if len(arms) > 1 else ""
-        hidden = _hidden(arms, number)
-        actors += _actors(arm, placed, shown, hidden)
-        q, turned, points = arm.motion.q[shown], *(each[shown] for each in arm.target_poses)
-        rotations, positions = arm.robot.hand_pose(q)
-        _, tracked = arm.robot.hand_pose(arm.tracked.q[shown])
-        for name, line, role, layer in (
-            (TARGET, points, "observed", "hand path"),
-            (SYNERGIES, positions, "predicted", "hand path"),
-            (BASELINE, tracked, "baseline", BASELINE),
-        ):
-            line = placed.points(line)
-            trails.append(Trail(f"{name}{which}", line, role, line, layer))  # type: ignore[arg-type]
-        for name, axes, line in ((SYNERGIES, rotations, positions), (TARGET, turned, points)):
-            frames.append(FrameTrack(f"{name}{which}", placed.rotations(axes), placed.points(line)))
-        for each in mobility_ellipsoids(arm.robot, q, arm.transfers[0].path.metric):
-            centres, axes = placed.points(each.centres), placed.rotations(each.axes)
-            named = f"{each.name}{which}"
-            ellipsoids.append(replace(each, name=named, centres=centres, axes=axes))
-        gaps += _gaps(arm, q, retargeting, placed, which)
-        if number == 0 or not share_a_body(arms):
-            around = np.vstack([points, positions, np.zeros(3)])
-            solids += _obstacles(retargeting.settings.obstacles, placed, around)
+    arms, one_body = retargeting.arms, _share_a_body(retargeting.arms)
+    middle = np.mean([np.asarray(arm.mapping.target.shoulder) for arm in arms], axis=0)
     time = retargeting.motion.time[shown]
+    whole = Scene(robot_title(arms), time - time[0] + start, note=_note(retargeting))
+    for number, arm in enumerate(arms):
+        own = _arm_scene(retargeting, number, shown, one_body)
+        turn = np.asarray(arm.mapping.target.base).T
+        place = -turn @ (middle if one_body else np.asarray(arm.mapping.target.shoulder))
+        if not one_body:
+            place = place + _shoulder(arm, len(arms))
+        whole = whole.beside(carried(own, turn[None], place[None]))
+    return whole
+
+
+def _arm_scene(retargeting: Retargeting, number: int, shown: Indices, one_body: bool) -> Scene:
+    """Return an arm in axes of its robot's base; of one body, what moves is shown with each, and
+    what stays with the first.
+    """
+    arms, settings = retargeting.arms, retargeting.settings
+    arm, robots = arms[number], [each.robot for each in arms]
+    robot, which = arm.robot, f", {arm.robot.name}" if len(arms) > 1 else ""
+    q, tracked = arm.motion.q[shown], arm.tracked.q[shown]
+    turned, target = (each[shown] for each in arm.target_poses)
+    rotations, positions = robot.hand_pose(q)
+    links = [str(frame.name) for frame in robot.pin.frames]
+    hidden = {each for each in links if one_body and not is_drawn_by(robots, number, each)}
+    still = {each for each in links if not robot.moves(each)}
+    overlay: dict[str, Any] = {"role": "baseline", "translucent": True, "layer": BASELINE}
+    name = f"{robot.name}, {BASELINE}"
+    ways: tuple[tuple[str, Array, Role, str], ...] = (
+        (TARGET, target, "observed", "hand path"),
+        (SYNERGIES, positions, "predicted", "hand path"),
+        (BASELINE, robot.hand_pose(tracked)[1], "baseline", BASELINE),
+    )
+    gaps: tuple[Gap, ...] = ()
+    solids: tuple[Solid, ...] = ()
+    if settings.obstacles:
+        obstacles, near, _, _ = settings.collisions
+        gaps = clearances(robot, q, obstacles, links=near)
+    if number == 0 or not one_body:
+        around = np.vstack([target, positions, np.zeros(3)])
+        solids = obstacle_solids(settings.obstacles, around.min(axis=0), around.max(axis=0))
+    ellipsoids = mobility_ellipsoids(robot, q, arm.transfers[0].path.metric)
     return Scene(
-        robot_title(arms),
-        time - time[0] + start,
-        tuple(actors),
-        tuple(trails),
-        tuple(solids),
-        frames=tuple(frames),
-        ellipsoids=tuple(ellipsoids),
-        gaps=tuple(gaps),
-        note=_note(retargeting),
+        robot.name,
+        retargeting.motion.time[shown],
+        (
+            model_actor(robot, q, hidden=hidden),
+            model_actor(robot, tracked, name=name, hidden=hidden | still, **overlay),
+        ),
+        tuple(Trail(f"{name}{which}", line, role, line, layer) for name, line, role, layer in ways),
+        solids,
+        (
+            FrameTrack(f"{SYNERGIES}{which}", rotations, positions),
+            FrameTrack(f"{TARGET}{which}", turned, target),
+        ),
+        tuple(replace(each, name=f"{each.name}{which}") for each in ellipsoids),
+        tuple(replace(each, name=f"{each.name}{which}") for each in gaps),
     )
 
 
 def robot_title(arms: Sequence[RetargetedArm]) -> str:
     """Return names of the robots, each once."""
     return " and ".join(dict.fromkeys(arm.robot.name for arm in arms))
-
-
-def _actors(
-    arm: RetargetedArm, placed: BasePose, shown: Indices, hidden: frozenset[str]
-) -> list[Actor]:
-    """Return the robot as it moves, and what moves of it by inverse kinematics."""
-    robot, parts = arm.robot, meshes(arm.robot)
-    still = frozenset(part.link for part in parts if not robot.moves(part.link))
-
-    def moving(q: Array, **how: Any) -> Actor:
-        at = placed.rotation, placed.position
-        return model_actor(robot, q[shown], rotation=at[0], position=at[1], shown=parts, **how)
-
-    name = f"{robot.name}, {BASELINE}"
-    overlay: dict[str, Any] = {"role": "baseline", "translucent": True, "layer": BASELINE}
-    return [
-        moving(arm.motion.q, hidden=hidden),
-        moving(arm.tracked.q, name=name, hidden=hidden | still, **overlay),
-    ]
-
-
-def _hidden(arms: tuple[RetargetedArm, ...], number: int) -> frozenset[str]:
-    """Get links that the actor of an arm does not show, as another arm of the same robot does."""
-    if not share_a_body(arms):
-        return frozenset()
-    robot = arms[number].robot
-    links = [str(frame.name) for frame in robot.pin.frames]
-    if number > 0:  # the first of them shows the body
-        return frozenset(name for name in links if not robot.moves(name))
-    others = [arm.robot for arm in arms[1:]]
-    return frozenset(name for name in links if any(other.moves(name) for other in others))
-
-
-def _obstacles(obstacles: Sequence[Obstacle], placed: BasePose, points: Array) -> Iterator[Solid]:
-    """Yield obstacles in the base frame, in the scene; half-spaces as wide as the points (k, 3)
-    [m].
-    """
-    for solid in obstacle_solids(obstacles, points.min(axis=0), points.max(axis=0)):
-        yield replace(solid, vertices=placed.points(solid.vertices))
-
-
-def _gaps(
-    arm: RetargetedArm, q: Array, retargeting: Retargeting, placed: BasePose, which: str
-) -> Iterator[Gap]:
-    """Yield distances of the links from obstacles, in the scene."""
-    obstacles, links, _, _ = retargeting.settings.collisions
-    for gap in clearances(arm.robot, q, obstacles, links=links) if obstacles else ():
-        starts, ends = placed.points(gap.starts), placed.points(gap.ends)
-        yield replace(gap, name=f"{gap.name}{which}", starts=starts, ends=ends)
 
 
 def _note(retargeting: Retargeting) -> str:
@@ -211,7 +200,7 @@ def _whole(arms: Sequence[RetargetedArm], analyses: Sequence[Analysis]) -> tuple
     """Return one arm, or both as one model, and its configurations (k, n)."""
     if len(analyses) == 1:
         return analyses[0].model, analyses[0].motion.q
-    placed = {id(arm.analysis): shoulder(arm, len(analyses)) for arm in arms}
+    placed = {id(arm.analysis): _shoulder(arm, len(analyses)) for arm in arms}
     models = [each.model for each in analyses]
     both = combine(*models, placements=[placed[id(each)] for each in analyses])
     return both, np.hstack([each.motion.q for each in analyses])
@@ -222,34 +211,20 @@ _MILLIMETRES = 1000.0
 _UNITS = {"rad": "joint angle [rad]", "m": "prismatic joint [m]"}
 
 
-def retargeting_plots(
-    retargeting: Retargeting,
-    shown: Indices,
-    *,
-    start: float = 0.0,
-    name: bool = False,
-    number: int = 1,
-) -> tuple[Plot, ...]:
-    """Return distance of the hand from the person's, its speed, joints, and shares of speed limits.
+def _plots(
+    retargeting: Retargeting, shown: Indices, start: float, named: bool, number: int
+) -> Iterator[Plot]:
+    """Yield distance of the hand from the person's, its speed, joints, and shares of speed limits.
 
-    Args:
-        retargeting: result of `retarget`.
-        shown: indices of the samples that are drawn.
-        start: start of the motion in the playback's time [s].
-        name: whether titles name the robot, although there is only one.
-        number: number of the retargeting among those of robots of this name; titles say it from 2
-            on.
+    Titles name the robots if `named`, and number those of equal names from 2 on.
     """
     time = retargeting.motion.time
-    several = name or len(retargeting.arms) > 1
-    plots: list[Plot] = []
     names = [arm.robot.name for arm in retargeting.arms]
     for arm in retargeting.arms:
-        alike = names.count(arm.robot.name) > 1
-        title = (arm.title if alike else arm.robot.name) if several else ""
+        title = arm.title if names.count(arm.robot.name) > 1 else arm.robot.name
+        title = title if named or len(names) > 1 else ""
         title += f" ({number})" if number > 1 else ""
-        plots += _of_arm(arm, time[shown] - time[0] + start, shown, title)
-    return tuple(plots)
+        yield from _of_arm(arm, time[shown] - time[0] + start, shown, title)
 
 
 def _of_arm(arm: RetargetedArm, time: Array, shown: Indices, title: str) -> Iterator[Plot]:
@@ -304,24 +279,11 @@ def retargeting_playback(retargeting: Retargeting, *, person: bool = True) -> Pl
         retargeting: result of `retarget`.
         person: whether the person is shown as well.
     """
-    time = retargeting.motion.time
-    shown, _ = shown_samples(time)
-    scenes = [robot_pane(retargeting, shown, start=float(time[0]))]
-    spans = _spans_of_robots(retargeting, time)
-    if person:
-        scenes.insert(0, person_pane(retargeting.arms, time[shown], shown))
-        spans = _spans_of_person(retargeting, time) | spans
-    return Playback(
-        " and ".join(arm.title for arm in retargeting.arms),
-        tuple(scenes),
-        spans,
-        retargeting_plots(retargeting, shown, start=float(time[0])),
-        azimuth=_azimuth(retargeting),
-        hidden=_HIDDEN,
-    )
+    found = retargetings_playback([retargeting], person=person)
+    return replace(found, title=" and ".join(arm.title for arm in retargeting.arms))
 
 
-def retargetings_playback(retargetings: Sequence[Retargeting]) -> Playback:
+def retargetings_playback(retargetings: Sequence[Retargeting], *, person: bool = True) -> Playback:
     """Return several robots that move like one person, or like several, each person shown once.
 
     All begin at the same time. If the robots take different times, the person takes the time of the
@@ -329,40 +291,45 @@ def retargetings_playback(retargetings: Sequence[Retargeting]) -> Playback:
 
     Args:
         retargetings: results of `retarget`, at least one.
+        person: whether the persons are shown as well.
 
     Raises:
         ValueError: there is none.
     """
     if not retargetings:
         raise ValueError("retargetings must be at least one, got none")
-    if len(retargetings) == 1:
-        return retargeting_playback(retargetings[0])
+    several = len(retargetings) > 1
+    start = 0.0 if several else float(retargetings[0].motion.time[0])
     groups: dict[tuple[int, ...], list[Retargeting]] = {}
     for each in retargetings:
         key = tuple(id(analysis) for analysis in observed(each.arms))
         groups.setdefault(key, []).append(each)
     scenes: list[Scene] = []
     plots: list[Plot] = []
-    spans: dict[str, tuple[Span, ...]] = {}
+    spans: Rows = {}
     met = Counter[str]()
 
-    def titled(scene: Scene) -> Scene:
+    def add(scene: Scene) -> int:
         met[scene.title] += 1
         number = met[scene.title]
-        return replace(scene, title=f"{scene.title} ({number})") if number > 1 else scene
+        title = f"{scene.title} ({number})" if number > 1 else scene.title
+        scenes.append(replace(scene, title=title))
+        return number
 
     for robots in groups.values():
-        time = _common_time(robots)
+        time = _common_time(robots) + start
         shown, _ = shown_samples(time)
-        scenes.append(titled(person_pane(robots[0].arms, time[shown], shown)))
-        spans |= _distinct(_spans_of_person(robots[0], time), spans)
+        if person:
+            add(person_pane(robots[0].arms, time[shown], shown))
+            spans |= _distinct(_spans_of_person(robots[0], time), spans)
         for each in robots:
-            own = each.motion.time - each.motion.time[0]
-            scenes.append(titled(robot_pane(each, shown)))
-            spans |= _distinct(_spans_of_robots(each, own), spans)
-            number = met[robot_title(each.arms)]
-            plots += retargeting_plots(each, shown, name=True, number=number)
-    titles = dict.fromkeys(chain(*((arm.title for arm in each.arms) for each in retargetings)))
+            own = each.motion.time - each.motion.time[0] + start
+            number = add(robot_pane(each, shown, start))
+            for arm in each.arms:
+                row = tuple(_span(k, group, own) for k, group in enumerate(arm.groups, 1))
+                spans |= _distinct({arm.robot.name: row}, spans)
+            plots += _plots(each, shown, start, several, number)
+    titles = dict.fromkeys(arm.title for each in retargetings for arm in each.arms)
     return Playback(
         ", ".join(titles),
         tuple(scenes),
@@ -382,7 +349,7 @@ def _common_time(robots: Sequence[Retargeting]) -> Array:
     return np.asarray(recorded - recorded[0])
 
 
-def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
+def _spans_of_person(retargeting: Retargeting, time: Array) -> Rows:
     """Return the person's synergies, in a row for each arm, numbered from 1.
 
     They are where they are at these times of the samples (k,) [s]; their texts say how long they
@@ -402,15 +369,6 @@ def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[S
     return found
 
 
-def _spans_of_robots(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
-    """Get the synergies of each robot, with the numbers of the person's of which they are made."""
-    found: dict[str, tuple[Span, ...]] = {}
-    for arm in retargeting.arms:
-        spans = tuple(_span(number, group, time) for number, group in enumerate(arm.groups, 1))
-        found |= _distinct({arm.robot.name: spans}, found)
-    return found
-
-
 def _span(number: int, group: SynergyGroup, time: Array) -> Span:
     start, stop = (float(time[sample]) for sample in (group.start, group.stop))
     if group.kind == "rest":
@@ -421,11 +379,9 @@ def _span(number: int, group: SynergyGroup, time: Array) -> Span:
     return Span(str(number), start, stop, text)
 
 
-def _distinct(
-    rows: dict[str, tuple[Span, ...]], others: dict[str, tuple[Span, ...]]
-) -> dict[str, tuple[Span, ...]]:
+def _distinct(rows: Rows, others: Rows) -> Rows:
     """Return the rows, with numbers after the names that are taken."""
-    found: dict[str, tuple[Span, ...]] = {}
+    found: Rows = {}
     for name, spans in rows.items():
         names = (name, *(f"{name} ({number})" for number in range(2, len(others) + 3)))
         found[next(each for each in names if each not in others)] = spans

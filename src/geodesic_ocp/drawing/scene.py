@@ -195,6 +195,11 @@ class Scene(ShortRepr):
             kinds[kind] = tuple(item for item in items if item.layer in shown)
         return replace(self, **kinds)
 
+    def beside(self, other: Scene) -> Scene:
+        """Return the scene with everything of another one, too."""
+        both: Any = {kind: getattr(self, kind) + getattr(other, kind) for kind in _KINDS}
+        return replace(self, **both)
+
     def points(self) -> Array:
         """Return points (k, 3) [m] that are extreme in all directions: a view that holds them
         holds nearly everything at all times, but obstacles without end.

@@ -1,12 +1,15 @@
-"""An alignment as a figure and a table."""
+"""Alignments: robots beside a person in corresponding postures, as a scene and as a figure."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
 from geodesic_ocp.drawing.arm_shapes import (
     TINT,
     Postures,
@@ -15,16 +18,17 @@ from geodesic_ocp.drawing.arm_shapes import (
     posture_shapes,
 )
 from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.model_scene import hand_frames, hand_trails
+from geodesic_ocp.drawing.scene import Curve, FrameTrack, Playback, Plot, Scene, Span, Trail
 from geodesic_ocp.drawing.styles import ROLES, mixed, new_figure
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, axis_name
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
-from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame
 
 # Flexion of shoulder and elbow [rad], the first and the fourth joint of a human arm.
 _POSTURES = {
@@ -32,9 +36,136 @@ _POSTURES = {
     "elbow bent": (0.2, 1.6),
     "reaching forward": (1.2, 0.4),
 }
+_STARTS, _STEPS = 30, 60
+
+
+def _key_postures(person: Model) -> Array:
+    """Return configurations (3, n) of a person's arm in the postures."""
+    q = np.zeros((len(_POSTURES), person.dof))
+    q[:, [0, 3]] = list(_POSTURES.values())
+    return q
+
+
+def _starts(robot: Model) -> Array:
+    """Return configurations (30, n) from which poses are searched."""
+    lower, upper = search_range(robot)
+    starts = np.random.default_rng(0).uniform(lower, upper, (_STARTS, robot.dof))
+    starts[0] = np.clip(0.0, lower, upper)
+    return starts
+
+
+_SECONDS, _RATE = 1.5, 20.0  # from one posture to the next [s], samples [Hz]
+_TARGET, _ROBOT, _SCALED = "person's hand, mapped", "robot's hand", "scaled person's arm"
+
+
+def alignment_playback(aligned: Alignment, robot: Model) -> Playback:
+    """Return a person's arm that moves through some postures, and the robot's hand where the
+    person's is.
+
+    The robot is shown in the person's axes, its shoulder where the person's is. The person's arm,
+    scaled to the length of the robot's, can be switched on beside it; so can the frames of the
+    hands.
+
+    Args:
+        aligned: the alignment of the robot with a person.
+        robot: the arm.
+    """
+    side = aligned.side or "right"
+    person = human_arm(side)
+    time, q = _postures(person)
+    scale = aligned.length / person.reach
+    rotations, positions = aligned.to_robot(*person.hand_pose(q), scale=scale)
+    found = _followed(robot, rotations, positions)
+    turn = np.asarray(aligned.base).T
+    place = -turn @ np.asarray(aligned.shoulder)
+    reached, at = robot.hand_pose(found)
+    lines = {_TARGET: positions @ turn.T + place, _ROBOT: at @ turn.T + place}
+    axes = {_TARGET: turn @ rotations, _ROBOT: turn @ reached}
+    scenes = (
+        Scene(
+            "person",
+            time,
+            (model_actor(person, q, role="observed"), *rest_of_person(person)),
+            hand_trails(person, q, "observed"),
+            frames=hand_frames(person, q),
+            note=person.name,
+        ),
+        Scene(
+            robot.name,
+            time,
+            (
+                model_actor(robot, found, rotation=turn, position=place),
+                _scaled(person, q, scale),
+            ),
+            (
+                Trail(_TARGET, lines[_TARGET], "observed", lines[_TARGET]),
+                Trail(_ROBOT, lines[_ROBOT], "predicted", lines[_ROBOT]),
+            ),
+            frames=tuple(FrameTrack(name, axes[name], lines[name]) for name in lines),
+            note=f"positions scaled by {scale:.3g}",
+        ),
+    )
+    off = 1000.0 * np.linalg.norm(at - positions, axis=1)
+    distance = Plot("hand's distance [mm]", (Curve(robot.name, time, off, "predicted"),))
+    starts = np.arange(len(_POSTURES)) * _SECONDS
+    edges = np.clip(np.append(starts - _SECONDS / 2.0, np.inf), 0.0, time[-1])
+    spans = tuple(
+        Span(name, float(start), float(stop))
+        for name, (start, stop) in zip(_POSTURES, pairwise(edges), strict=True)
+    )
+    return Playback(
+        f"alignment of {robot.name} with a person's {side} arm",
+        scenes,
+        {"posture": spans},
+        (replace(distance, title=f"from the {_TARGET}"),),
+        azimuth=-50.0 if side == "left" else 50.0,
+        hidden=(*Playback.hidden, _SCALED),
+    )
+
+
+def _postures(person: Model) -> tuple[Array, Array]:
+    """Return times (k,) [s], and configurations (k, n) that pause at each of the postures."""
+    key = _key_postures(person)
+    count = int(_SECONDS * _RATE)
+    fraction = np.arange(count) / count
+    eased = (fraction**2 * (3.0 - 2.0 * fraction))[:, None]
+    moving = [a + eased * (b - a) for a, b in pairwise(key)]
+    q = np.concatenate([*moving, key[-1:]])
+    return np.arange(len(q)) / _RATE, q
+
+
+def _followed(robot: Model, rotations: Array, positions: Array) -> Array:
+    """Return configurations (k, n), each the nearest pose from the one before, from the best of
+    all.
+    """
+    starts, count = _starts(robot), len(positions)
+    best, least = np.zeros((count, robot.dof)), np.inf
+    for first in dict.fromkeys((count // 2, 0, count - 1)):
+        q, errors = np.zeros((count, robot.dof)), np.zeros(count)
+        steps = [(first, starts)]
+        steps += [(k, q[k - 1 : k]) for k in range(first + 1, count)]
+        steps += [(k, q[k + 1 : k + 2]) for k in range(first - 1, -1, -1)]
+        for k, begin in steps:  # each begins where the one before, which is its neighbour, ended
+            pose = rotations[k : k + 1], positions[k : k + 1]
+            found = nearest_poses(robot, *pose, begin[None], _STEPS)
+            q[k], errors[k] = found.q[0], max(found.distances[0], found.angles[0])
+        if errors.max() < least:
+            best, least = q, float(errors.max())
+    return best
+
+
+def _scaled(person: Model, q: Array, scale: float) -> Actor:
+    """Return the person's arm in the size of the robot's, with the shoulder at the origin."""
+    actor = model_actor(person, q, name=_SCALED, role="observed", translucent=True, layer=_SCALED)
+    return replace(
+        actor,
+        meshes=tuple(replace(mesh, vertices=scale * mesh.vertices) for mesh in actor.meshes),
+        positions={link: scale * position for link, position in actor.positions.items()},
+    )
+
+
 # Columns of the person's axes, which are right, forward and up.
 _VIEWS = {"seen from behind": (0, "right"), "seen from the right": (1, "forward")}
-_STARTS, _STEPS = 30, 60
 _MARGIN = 0.06  # [m], around everything
 _PANEL, _TALLEST, _AROUND = 2.5, 1.6, 1.9  # width [inch], height over it, what is not panels [inch]
 _STILL = 0.5  # how dark the outlines of what does not move are
@@ -60,14 +191,11 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
         aligned: its alignment.
         person: a `human_arm` of the same side.
     """
-    q = np.zeros((len(_POSTURES), person.dof))
-    q[:, [0, 3]] = list(_POSTURES.values())
+    q = _key_postures(person)
     scale = aligned.length / person.reach
     turned, placed = aligned.to_robot(*person.hand_pose(q), scale=scale)
-    lower, upper = search_range(robot)
-    random = np.random.default_rng(0).uniform(lower, upper, (_STARTS, robot.dof))
-    random[0] = np.clip(0.0, lower, upper)
-    found = nearest_poses(robot, turned, placed, np.repeat(random[None], len(q), axis=0), _STEPS)
+    starts = np.repeat(_starts(robot)[None], len(q), axis=0)
+    found = nearest_poses(robot, turned, placed, starts, _STEPS)
     base, shoulder = np.asarray(aligned.base), np.asarray(aligned.shoulder)
     bodies, human = Postures.of(robot, found.q), Postures.of(person, q)
     reached, hands = robot.hand_pose(found.q)
@@ -161,23 +289,3 @@ def _add_legend(figure: Figure, axes: Axes, name: str) -> None:
     for label, style in (("fingers", _FINGERS), ("right, when hanging", _RIGHT)):
         (known[label],) = axes.plot([], [], marker=">", markersize=8, **style)
     figure.legend(known.values(), known.keys(), loc="outside lower center", ncols=4, frameon=False)
-
-
-def alignment_table(robot: Model, aligned: Alignment) -> DataFrame:
-    """Return shoulder, axes, length, side, elbow and wrist of an alignment, in words."""
-    base, hand = np.asarray(aligned.base), np.asarray(aligned.hand)
-    across = {"right": "back of the hand", "left": "palm"}.get(aligned.side or "", "hand's right")
-    position = ", ".join(f"{entry:.3f}" for entry in np.asarray(aligned.shoulder) + 0.0)
-    rows = (
-        ("shoulder", f"at ({position}) m in the base frame"),
-        ("person's right", axis_name(base[:, 0], "the base")),
-        ("person's forward", axis_name(base[:, 1], "the base")),
-        ("person's up", axis_name(base[:, 2], "the base")),
-        ("fingers", axis_name(hand[2], robot.hand)),
-        (across, axis_name(hand[0], robot.hand)),
-        ("length", f"{aligned.length:.3f} m from the shoulder to the hand"),
-        ("side", aligned.side or "either"),
-        ("elbow", aligned.elbow or "not known"),
-        ("wrist", aligned.wrist or "not known"),
-    )
-    return new_table(("alignment", robot.name), rows)

@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.drawing.alignment_figure import alignment_figure
+from geodesic_ocp.drawing.alignments import alignment_figure
 
 PERSON = go.human_arm("right")
 
