@@ -83,20 +83,17 @@ def test_symbols_are_left_out_and_others_keep_their_names() -> None:
 
 def test_what_a_link_carries_moves_with_it() -> None:
     cup = go.Ball((0.0, 0.05, 0.0), 0.04, link="right hand", name="cup")
-    actor = carried_obstacles(ARM, Q, [cup, go.Ball((0.0, 0.0, 0.0), 0.1)])
-    assert actor is not None
+    (actor,) = carried_obstacles(ARM, Q, [cup, go.Ball((0.0, 0.0, 0.0), 0.1)])
     (mesh,) = actor.meshes
     centres = actor.rotations[mesh.link] @ mesh.vertices.mean(axis=0) + actor.positions[mesh.link]
     rotations, positions = ARM.frame_pose("right hand", Q)
     assert_allclose(centres, rotations @ cup.centre + positions, atol=1e-9)
-    assert carried_obstacles(ARM, Q, [go.Ball((0.0, 0.0, 0.0), 0.1)]) is None
+    assert not carried_obstacles(ARM, Q, [go.Ball((0.0, 0.0, 0.0), 0.1)])
 
 
 def test_collision_bodies_of_some_links() -> None:
-    every, hand = collision_bodies(ARM, Q), collision_bodies(ARM, Q, {"right hand"})
-    assert every is not None
-    assert hand is not None
+    (every,), (hand,) = collision_bodies(ARM, Q), collision_bodies(ARM, Q, {"right hand"})
     assert len(every.meshes) == len(ARM.bodies)
     assert [mesh.link for mesh in hand.meshes] == ["right hand"]
     assert hand.translucent
-    assert collision_bodies(go.Model(ARM.pin, ARM.hand), Q) is None
+    assert not collision_bodies(go.Model(ARM.pin, ARM.hand), Q)

@@ -13,6 +13,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import is_drawn_by, model_actor
 from geodesic_ocp.drawing.beside import beside
 from geodesic_ocp.drawing.model_scene import (
+    HAND_SPEED,
     POSITIONS,
     TORQUES,
     VELOCITIES,
@@ -23,6 +24,7 @@ from geodesic_ocp.drawing.model_scene import (
     shown_samples,
 )
 from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span
+from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import upright
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
@@ -66,9 +68,6 @@ def body_of(motion: Motion) -> tuple[Model, str]:
         )
     known = "" if motion.subject.height else ", the height is not known"
     return model, f"assumed: {model.name} of {height:.2f} m{known}"
-
-
-# Labels of axes by the unit of the coordinate.
 
 
 _SAME = 1e-6  # [m], entries of rotations
@@ -135,7 +134,9 @@ def _in_one_body(robots: Sequence[Model], scenes: Sequence[Scene]) -> Scene:
 _NOT_FILTERED = "speed of the recorded motion, without filtering"
 
 
-def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str = "") -> Playback:
+def motion_playback(
+    motion: Motion, model: Model, *, title: str = "", note: str = "", role: Role = "observed"
+) -> Playback:
     """Return a model that follows a motion: the path of the hand, joint angles and hand speed.
 
     It is shown in axes of the model's base: the arm of a person moves relative to the trunk. Of
@@ -153,6 +154,7 @@ def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str 
         model: model that moves.
         title: title of the playback; the model's name by default.
         note: precedes the scene's own.
+        role: role whose colour the path and the speed of the hand have.
 
     Raises:
         ValueError: the motion lacks joints of the model.
@@ -164,8 +166,9 @@ def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str 
     if chosen.trunk is not None:  # which moved, but the scene is that of the model's base
         notes.insert(1, f"the {'pelvis' if model.pin.existFrame('thorax') else 'trunk'} at rest")
     time, q = chosen.time[shown], chosen.q[shown]
-    scene = model_scene(model, time, q, title=title, note="; ".join(filter(None, notes)))
-    speeds = hand_speed_plots(model, {"hand": (chosen, "observed")}, shown)
+    noted = "; ".join(filter(None, notes))
+    scene = model_scene(model, time, q, title=title, role=role, note=noted)
+    speeds = hand_speed_plots(model, {"hand": (chosen, role)}, shown)
     if chosen.velocity is None:  # the noise of the recording is in the speed
         speeds = tuple(replace(plot, title=_NOT_FILTERED) for plot in speeds)
     plots = (*joint_plots(model, time, q, POSITIONS), *speeds)
@@ -271,36 +274,26 @@ def trajectory_playback(
             do not increase.
     """
     names = trajectory.joint_names
-    motion = of_joints(
-        Motion(trajectory.time, trajectory.positions, names, trajectory.velocities), model
-    )
+    whole = Motion(trajectory.time, trajectory.positions, names, trajectory.velocities)
+    motion = of_joints(whole, model)
     columns = [names.index(name) for name in model.joint_names]
     for column, unit in zip(columns, model.units, strict=True):
         given = (trajectory.units or ("rad",) * len(names))[column]
         if given != unit:
             raise ValueError(f"joint {names[column]} is in {given}, but the model's is in {unit}")
-    shown, thinned = shown_samples(motion.time)
-    others = len(names) - model.dof
-    notes = [f"{others} more joints given" if others else "", thinned]
-    time, q = motion.time[shown], motion.q[shown]
-    scene = model_scene(
-        model, time, q, title=title, role="predicted", note="; ".join(filter(None, notes))
-    )
-    known = joint_limits(model) if limits is None else limits
+    playback = motion_playback(whole, model, title=title, role="predicted")
+    shown, _ = shown_samples(motion.time)
+    time, known = motion.time[shown], joint_limits(model) if limits is None else limits
     velocities = trajectory.velocities[shown][:, columns]
-    plots = [
-        *joint_plots(model, time, q, POSITIONS),
-        *_shares(model, time, velocities, known.velocity, VELOCITIES, SPEED_SHARES),
-    ]
+    shares = _shares(model, time, velocities, known.velocity, VELOCITIES, SPEED_SHARES)
     if trajectory.efforts is not None:
         efforts = trajectory.efforts[shown][:, columns]
-        plots += torque_plots(model, time, efforts, known.torque)
-    plots += hand_speed_plots(model, {"hand": (motion, "predicted")}, shown)
+        shares += torque_plots(model, time, efforts, known.torque)
+    plots = sorted((*playback.plots, *shares), key=lambda plot: plot.label == HAND_SPEED)
     up = upward(model)
     if gravity is not None and np.any(gravity):
         up = -np.asarray(gravity, dtype=float) / np.linalg.norm(gravity)
-    scene = upright(scene, up)
-    return Playback(scene.title, (scene,), {}, tuple(plots), azimuth=viewed_from(model))
+    return replace(playback, scenes=(upright(playback.scenes[0], up),), plots=tuple(plots))
 
 
 def torque_plots(model: Model, time: Array, torques: Array, limits: Array) -> tuple[Plot, ...]:

@@ -279,17 +279,16 @@ def _with_bodies(
     margins.
     """
     q = solution.path(scene.time)
-    extra = [carried_obstacles(model, q, drawn_obstacles(problem))]
+    extra = carried_obstacles(model, q, drawn_obstacles(problem))
     constraints = parse_conditions(problem).along_q
     margins = {each.name: float(each.lower[0]) for each in constraints if each.lower.size == 1}
     pairs = problem.pairs if isinstance(problem, ConstrainedProblem) else ()
     gaps: tuple[Gap, ...] = ()
     if model.bodies and (drawn_obstacles(problem) or pairs):
         gaps = clearances(model, q, drawn_obstacles(problem), pairs=pairs, names=margins)
-        extra.append(collision_bodies(model, q, _considered(problem, model, pairs, margins)))
+        extra += collision_bodies(model, q, _considered(problem, model, pairs, margins))
     kept = {margins[gap.name] for gap in gaps if gap.name in margins}
-    actors = (*scene.actors, *(actor for actor in extra if actor is not None))
-    return replace(scene, actors=actors, gaps=gaps), tuple(sorted(kept or {0.0}))
+    return replace(scene, actors=scene.actors + extra, gaps=gaps), tuple(sorted(kept or {0.0}))
 
 
 def _considered(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import singledispatch
+from inspect import signature
 from numbers import Real
 from os import PathLike
 from typing import Any, TypeAlias, get_args, get_type_hints
@@ -129,11 +130,6 @@ def _(result: Reconstruction, model: Model | None = None) -> Playback:
 
 
 @playback.register
-def _(result: Synergies, model: Model | None = None) -> Playback:
-    return synergies_playback(result, model)
-
-
-@playback.register
 def _(result: Synergy, model: Model | None = None) -> Playback:
     return synergies_playback([result], model)
 
@@ -154,35 +150,10 @@ def _(result: JointTrajectory, model: Model | None = None) -> Playback:
 
 
 @playback.register
-def _(result: PlannedTrajectory) -> Playback:
-    return planned_playback(result)
-
-
-@playback.register
-def _(result: Replay) -> Playback:
-    return replay_playback(result)
-
-
-@playback.register
-def _(result: Path, model: Model | None = None) -> Playback:
-    return path_playback(result, model)
-
-
-@playback.register
 def _(result: ToPose) -> Playback:
     if result.path is None:
         raise ValueError(f"there is no path to be shown: {result.status}")
     return path_playback(result.path)
-
-
-@playback.register
-def _(result: Solution, model: Model | None = None) -> Playback:
-    return solution_playback(result, model)
-
-
-@playback.register
-def _(result: Analysis) -> Playback:
-    return analysis_playback(result)
 
 
 @playback.register
@@ -197,14 +168,18 @@ def _(result: Alignment, robot: Model | None = None) -> Playback:
     return alignment_playback(result, robot)
 
 
-@playback.register
-def _(result: MarkerFit, markers: Markers | None = None) -> Playback:
-    return marker_fit_playback(result, markers)
-
-
-@playback.register
-def _(result: Markers) -> Playback:
-    return markers_playback(result)
+_ALONE: dict[type, Callable[..., Playback]] = {
+    Path: path_playback,
+    Solution: solution_playback,
+    Synergies: synergies_playback,
+    PlannedTrajectory: planned_playback,
+    Replay: replay_playback,
+    Analysis: analysis_playback,
+    MarkerFit: marker_fit_playback,
+    Markers: markers_playback,
+}
+for _kind, _function in _ALONE.items():
+    playback.register(_kind, _function)
 
 
 def _kinds() -> str:
@@ -218,10 +193,10 @@ def _can_be_shown(item: Any) -> bool:
 
 def _follower(item: Any) -> type | None:
     """Return the type that may follow a result and belongs to it; None if there is none."""
-    hints = get_type_hints(playback.dispatch(type(item)))
-    hints.pop("return")
-    second = list(hints.values())[1:]
-    return next(iter(get_args(second[0]) or second)) if second else None
+    function = playback.dispatch(type(item))
+    hints, parameters = get_type_hints(function), signature(function).parameters.values()
+    given = [hints[each.name] for each in parameters if each.kind is not each.KEYWORD_ONLY]
+    return next(iter(get_args(given[1]) or given[1:])) if given[1:] else None
 
 
 def _as_item(item: Any) -> Any:

@@ -61,7 +61,7 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     actors = [
         model_actor(model, observed, name="observed", role="observed"),
         *rest_of_person(model),
-        _overlay(model, predicted, "predicted", "predicted", "predicted"),
+        _overlay(model, predicted, "predicted", "predicted"),
     ]
     trails = [
         *hand_trails(model, observed, "observed", name="observed"),
@@ -69,7 +69,7 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     ]
     for name in others:
         label, role = labels[name], _role(analysis, name)
-        actors.append(_overlay(model, predictions[name], label, role, label))
+        actors.append(_overlay(model, predictions[name], label, role))
         trails += [
             replace(trail, name=label)  # as its layer
             for trail in hand_trails(model, predictions[name], role, layer=label)
@@ -95,8 +95,8 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     )
 
 
-def _overlay(model: Model, q: Array, name: str, role: Role, layer: str) -> Actor:
-    return model_actor(model, q, name=name, role=role, translucent=True, layer=layer)
+def _overlay(model: Model, q: Array, name: str, role: Role) -> Actor:
+    return model_actor(model, q, name=name, role=role, translucent=True, layer=name)
 
 
 def _role(analysis: Analysis, method: str) -> Role:
@@ -318,28 +318,16 @@ def saved_synergies_playback(
     )
     predicted = replace(saved.motion, velocity=saved.motion(saved.motion.time, 1))
     if observed is None:
-        whole = motion_playback(predicted, model, title=title, note="as the synergies predict")
-        trails = tuple(replace(trail, role=_PREDICTED) for trail in whole.scenes[0].trails)
-        plots = tuple(
-            replace(
-                plot,
-                curves=tuple(
-                    replace(curve, role=_PREDICTED if curve.role else None) for curve in plot.curves
-                ),
-            )
-            for plot in whole.plots
-        )
-        scenes = (replace(whole.scenes[0], trails=trails),)
-        return replace(whole, scenes=scenes, plots=plots, spans={"synergies": spans})
+        note = "as the synergies predict"
+        whole = motion_playback(predicted, model, title=title, note=note, role=_PREDICTED)
+        return replace(whole, spans={"synergies": spans})
     chosen = of_joints(observed, model)
     whole = motion_playback(chosen, model, title=title)
     shown, _ = shown_samples(chosen.time)
     q = of_joints(predicted, model)(chosen.time[shown].clip(*predicted.time[[0, -1]]))
     scene = whole.scenes[0]
     own, *rest = scene.actors
-    overlay = model_actor(
-        model, q, name=_PREDICTED, role=_PREDICTED, translucent=True, layer=_PREDICTED
-    )
+    overlay = _overlay(model, q, _PREDICTED, _PREDICTED)
     scene = replace(
         scene,
         actors=(replace(own, name="observed", role="observed"), overlay, *rest),
