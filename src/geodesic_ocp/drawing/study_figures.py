@@ -7,11 +7,12 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.drawing.styles import COMPARED, OBSERVED, added_style, new_figure
 
 if TYPE_CHECKING:
@@ -40,11 +41,14 @@ _BESIDE = 0.8  # of the least point, at the left end
 _DENSE = 40.0  # ratio of the ends of an axis up to which there are three ticks in a decade
 _WIDE = 6.0  # ratio of the largest to the smallest mean from which axes are logarithmic
 _MEAN: dict[str, Any] = {"markersize": 4.5, "markeredgecolor": "white", "markeredgewidth": 0.6}
-_DARK: dict[str, Any] = {"color": OBSERVED["color"], "marker": "D"}
-STYLES: tuple[dict[str, Any], ...] = (
-    _DARK,
-    *({"color": style["color"], "marker": style["marker"]} for style in COMPARED),
+STYLES: tuple[dict[str, Any], ...] = tuple(
+    {"color": style["color"], "marker": style["marker"]}
+    for style in ({**OBSERVED, "marker": "D"}, *COMPARED)
 )
+_CIRCLE: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.2, "color": "0.55"}
+_CIRCLE |= {"fillstyle": "none", "markeredgewidth": 0.6}
+_INTERVAL: dict[str, Any] = {"linewidth": 1.6, "marker": "|", "markersize": 5.0, "zorder": 3}
+_INTERVAL |= {"markeredgewidth": 1.2}
 
 
 @contextmanager
@@ -54,8 +58,8 @@ def paper_style() -> Iterator[None]:
         yield
 
 
-@dataclass(frozen=True)
-class StudyGroup:
+@dataclass(frozen=True, repr=False)
+class StudyGroup(ShortRepr):
     """Points and mean to be drawn of one method under one condition.
 
     Attributes:
@@ -74,8 +78,7 @@ class StudyGroup:
     interval: tuple[float, float] | None = None
     note: str = ""
 
-    def __repr__(self) -> str:
-        return f"StudyGroup({self.label!r}, {len(self.points)} points, mean {self.mean:.3g})"
+    _shown = ("label", "points", "mean")
 
 
 def draw_groups(axes: Axes, groups: Sequence[StudyGroup], label: str) -> None:
@@ -94,23 +97,11 @@ def draw_groups(axes: Axes, groups: Sequence[StudyGroup], label: str) -> None:
         row = methods.index(group.label) + share * (number - (len(conditions) - 1) / 2.0)
         style = STYLES[number % len(STYLES)]
         points = np.asarray(group.points)
-        axes.plot(
-            points,
-            row - share * (_ABOVE + _SPREAD * _spread(points.size)),
-            linestyle="none",
-            marker="o",
-            markersize=3.2,
-            fillstyle="none",
-            markeredgewidth=0.6,
-            color="0.55",
-            zorder=2,
-        )
+        above = row - share * (_ABOVE + _SPREAD * _spread(points.size))
+        axes.plot(points, above, **_CIRCLE, zorder=2)
         row += share * _BELOW
         if group.interval is not None:
-            caps: dict[str, Any] = {"marker": "|", "markersize": 5.0, "markeredgewidth": 1.2}
-            axes.plot(
-                group.interval, (row, row), color=style["color"], linewidth=1.6, zorder=3, **caps
-            )
+            axes.plot(group.interval, (row, row), color=style["color"], **_INTERVAL)
         axes.plot(group.mean, row, linestyle="none", **style, **_MEAN, zorder=4)
         if group.note:
             at = axes.get_yaxis_transform()
@@ -150,15 +141,10 @@ def group_handles(conditions: Sequence[str], interval: str) -> list[Any]:
     """Return the entries of a legend that explain the marks."""
     from matplotlib.lines import Line2D
 
-    circle = Line2D(
-        [], [], linestyle="none", marker="o", markersize=3.2, fillstyle="none", color="0.55"
-    )
-    circle.set_label("subject")
-    handles = [circle]
-    for number, condition in enumerate(conditions):
-        style = STYLES[number % len(STYLES)]
-        handles.append(Line2D([], [], **style, **_MEAN, linewidth=1.6))
-        handles[-1].set_label(f"{condition}: {interval}" if condition else interval)
+    handles = [Line2D([], [], **_CIRCLE, label="subject")]
+    for condition, style in zip(conditions, cycle(STYLES), strict=False):
+        label = f"{condition}: {interval}" if condition else interval
+        handles.append(Line2D([], [], **style, **_MEAN, linewidth=1.6, label=label))
     return handles
 
 
@@ -199,44 +185,29 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
         return
     top = float(np.quantile(everything, _MOST)) or 1.0
     grid = np.linspace(0.0, top, _POINTS)
+    alone = len(known) == 1
     for number, (condition, subjects) in enumerate(known.items()):
         if not subjects:
             continue
-        curves = np.array([_cumulative(each, grid) for each in subjects])
-        mean = curves.mean(axis=0)
-        style = {
-            "color": STYLES[number % len(STYLES)]["color"],
-            "linestyle": _DASHES[number % len(_DASHES)],
-        }
+        curves = np.array([np.searchsorted(x, grid, side="right") / x.size for x in subjects])
+        mean, color = curves.mean(axis=0), STYLES[number % len(STYLES)]["color"]
         if len(subjects) > 1:
-            shade = "0.75" if len(known) == 1 else style["color"]
-            alpha = 0.6 if len(known) == 1 else 0.25
-            thin: dict[str, Any] = {"color": shade, "linewidth": 0.6, "alpha": alpha, "zorder": 2}
-            lines = axes.plot(grid, curves.T, **thin)
-            lines[0].set_label("subject" if len(known) == 1 else "_subject")
-        one = "mean over subjects" if len(subjects) > 1 else "one subject"
-        axes.plot(grid, mean, **style, linewidth=1.8, zorder=3, label=condition or one)
+            thin: dict[str, Any] = {"linewidth": 0.6, "zorder": 2}
+            thin |= {"color": "0.75", "alpha": 0.6} if alone else {"color": color, "alpha": 0.25}
+            axes.plot(grid, curves.T, **thin)[0].set_label("subject" if alone else "_subject")
+        name = condition or ("mean over subjects" if len(subjects) > 1 else "one subject")
+        style = {"color": color, "linestyle": _DASHES[number % len(_DASHES)], "label": name}
+        axes.plot(grid, mean, **style, linewidth=1.8, zorder=3)
         middle = grid[int(np.argmax(mean >= 0.5))]
-        axes.plot((middle, middle), (0.0, 0.5), color=style["color"], linewidth=0.7)
-        axes.plot(middle, 0.5, marker="o", markersize=4.0, color=style["color"], zorder=4)
-        axes.annotate(
-            f"median {middle:.2g}",
-            (middle, 0.5),
-            xytext=(6.0, -3.0 - 10.0 * number),
-            textcoords="offset points",
-            va="top",
-            color=style["color"],
-            zorder=5,
-        )
+        axes.plot((middle, middle), (0.0, 0.5), color=color, linewidth=0.7)
+        axes.plot(middle, 0.5, marker="o", markersize=4.0, color=color, zorder=4)
+        place: dict[str, Any] = {"textcoords": "offset points", "va": "top", "zorder": 5}
+        offset = (6.0, -3.0 - 10.0 * number)
+        axes.annotate(f"median {middle:.2g}", (middle, 0.5), offset, color=color, **place)
     axes.set_xlim(0.0, top)
     axes.set_ylim(0.0, 1.0)
     axes.grid(color="0.92", linewidth=0.6)
     axes.set_axisbelow(True)
-
-
-def _cumulative(ordered: Array, grid: Array) -> Array:
-    """Return share of the values that do not exceed each point of the grid."""
-    return np.searchsorted(ordered, grid, side="right") / ordered.size
 
 
 _BINS, _LEAST = 10, 12  # number of groups at most, and of points in one at least
@@ -255,38 +226,19 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
     """
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
-    axes.plot(
-        x,
-        y,
-        linestyle="none",
-        marker="o",
-        markersize=2.2,
-        markeredgewidth=0.0,
-        color="0.62",
-        alpha=float(np.clip(12.0 / np.sqrt(max(x.size, 1)), 0.06, 0.8)),
-        rasterized=True,
-        zorder=2,
-        label="synergy",
-    )
+    dots: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": "0.62", "label": "synergy"}
+    dots |= {"markersize": 2.2, "markeredgewidth": 0.0, "rasterized": True, "zorder": 2}
+    axes.plot(x, y, alpha=float(np.clip(12.0 / np.sqrt(max(x.size, 1)), 0.06, 0.8)), **dots)
     count = min(_BINS, x.size // _LEAST)
     if count >= 2:
         groups = np.array_split(np.argsort(x, kind="stable"), count)
         middle = np.array([np.median(x[group]) for group in groups])
-        low, median, high = (
-            np.array([np.quantile(y[group], level) for group in groups])
-            for level in (0.25, 0.5, 0.75)
-        )
-        color = OBSERVED["color"]
-        band: dict[str, Any] = {"color": color, "alpha": 0.22, "linewidth": 0.0, "zorder": 3}
-        axes.fill_between(middle, low, high, **band, label="quartiles")
-        line: dict[str, Any] = {
-            "color": color,
-            "marker": "o",
-            "markersize": 3.5,
-            "linewidth": 1.6,
-            "zorder": 4,
-        }
-        axes.plot(middle, median, **line, label="median of equal groups")
+        levels = (0.25, 0.5, 0.75)
+        low, median, high = np.array([np.quantile(y[group], levels) for group in groups]).T
+        band: dict[str, Any] = {"color": OBSERVED["color"], "alpha": 0.22, "linewidth": 0.0}
+        axes.fill_between(middle, low, high, **band, zorder=3, label="quartiles")
+        line: dict[str, Any] = {"color": OBSERVED["color"], "marker": "o", "markersize": 3.5}
+        axes.plot(middle, median, **line, linewidth=1.6, zorder=4, label="median of equal groups")
     if x.size:
         axes.set_xlim(0.0, 1.03 * float(np.quantile(x, _MOST_SYNERGIES)) or 1.0)
         axes.set_ylim(0.0, 1.05 * float(np.quantile(y, _MOST_SYNERGIES)) or 1.0)
@@ -323,20 +275,14 @@ def _key(index: Any) -> tuple[str, str]:
 
 def errors_figure(means: Sequence[Means]) -> Figure:
     """Draw means of several measures by method, a panel each, with subjects as points."""
-    panels = [
-        [
-            StudyGroup(
-                label,
-                condition,
-                tuple(each.scale * points),
-                each.scale * row["mean"],
-                _interval(each.scale, *row.iloc[-2:]),
-            )
-            for (index, row), points in zip(each.table.iterrows(), each.points, strict=True)
-            for condition, label in [_key(index)]
-        ]
-        for each in means
-    ]
+    panels = []
+    for each in means:
+        groups = []
+        for (index, row), own in zip(each.table.iterrows(), each.points, strict=True):
+            condition, label = _key(index)
+            points, ends = tuple(each.scale * own), _interval(each.scale, *row.iloc[-2:])
+            groups.append(StudyGroup(label, condition, points, each.scale * row["mean"], ends))
+        panels.append(groups)
     figure = new_figure(WIDTH, _height(panels[0]))
     all_axes = np.ravel(figure.subplots(1, len(panels), sharey=True, squeeze=False))
     for axes, groups, each in zip(all_axes, panels, means, strict=True):
@@ -398,11 +344,8 @@ def synergies_figure(groups: Mapping[str, Sequence[DataFrame]], unit: str) -> Fi
     sign = re.sub(r"sqrt\((\w+)\)", r"√\1", unit)
     labels = ("duration of a synergy [s]", f"length of a synergy{f' [{sign}]' if sign else ''}")
     for axes, column, text in zip(panels, ("duration_s", "length"), labels, strict=True):
-        values = {
-            condition: [each[column].to_numpy(dtype=float) for each in own]
-            for condition, own in groups.items()
-        }
-        draw_distributions(axes, values, text)
+        own = {name: [x[column].to_numpy(float) for x in each] for name, each in groups.items()}
+        draw_distributions(axes, own, text)
     panels[0].set_ylabel("share of synergies")
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, ncols=min(_COLUMNS, len(handles)), **_LEGEND)
