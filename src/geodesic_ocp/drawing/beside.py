@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from geodesic_ocp.drawing.scene import PARAMETER, SECONDS, Curve, Playback, Plot, Scene, Span
+from geodesic_ocp.drawing.scene import PARAMETER, SECONDS, Playback, Scene
 
 
 def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
@@ -117,25 +118,24 @@ def _stretched(playback: Playback, begin: float, end: float) -> Playback:
     first, last = playback.range
     rate = (end - begin) / (last - first) if last > first else 0.0
 
-    def scene(each: Scene) -> Scene:
-        said = f"path parameter {first:g} to {last:g} in {end - begin:.3g} s"
-        note = f"{each.note}; {said}" if each.note else said
-        return replace(each, time=begin + rate * (each.time - first), note=note)
+    said = f"path parameter {first:g} to {last:g} in {end - begin:.3g} s"
 
-    def span(each: Span) -> Span:
-        start, stop = (begin + rate * (edge - first) for edge in (each.start, each.stop))
-        return replace(each, start=start, stop=stop)
-
-    def curve(each: Curve) -> Curve:
-        return replace(each, time=begin + rate * (each.time - first))
-
-    def plot(each: Plot) -> Plot:
-        return replace(each, curves=tuple(curve(line) for line in each.curves))
+    def at(moved: Any) -> Any:
+        return begin + rate * (moved - first)
 
     return replace(
         playback,
-        scenes=tuple(scene(each) for each in playback.scenes),
-        spans={row: tuple(span(each) for each in spans) for row, spans in playback.spans.items()},
-        plots=tuple(plot(each) for each in playback.plots),
+        scenes=tuple(
+            replace(each, time=at(each.time), note="; ".join(filter(None, (each.note, said))))
+            for each in playback.scenes
+        ),
+        spans={
+            row: tuple(replace(each, start=at(each.start), stop=at(each.stop)) for each in spans)
+            for row, spans in playback.spans.items()
+        },
+        plots=tuple(
+            replace(plot, curves=tuple(replace(each, time=at(each.time)) for each in plot.curves))
+            for plot in playback.plots
+        ),
         time_label=SECONDS,
     )

@@ -6,7 +6,7 @@ import base64
 import hashlib
 import html
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib.resources import files
 from importlib.util import find_spec
@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import Actor
+from geodesic_ocp.drawing.camera import first_view
 from geodesic_ocp.drawing.panes import TINT
 from geodesic_ocp.drawing.plots import draw_plot
 from geodesic_ocp.drawing.rendering import smooth_surface
@@ -127,8 +128,7 @@ def described(playback: Playback) -> dict[str, Any]:
     data = {
         "range": playback.range,
         "parameter": playback.time_label == PARAMETER,
-        "azimuth": playback.azimuth,
-        "elevation": playback.elevation,
+        "axes": first_view(playback.azimuth, playback.elevation).axes.tolist(),
         "layers": [[layer, layer not in playback.hidden] for layer in playback.layers],
         "spans": [
             [name, [[span.name, span.start, span.stop, span.text] for span in spans]]
@@ -159,70 +159,60 @@ def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _scene(scene: Scene, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[str, Any]:
+    def listed(items: Iterable[Any], describe: Callable[[Any], dict[str, Any]]) -> list[Any]:
+        return [{"name": each.name, "layer": each.layer, **describe(each)} for each in items]
+
     return {
         "time": encoded(np.asarray(scene.time, dtype="<f8")),
         "extremes": packed(replace(scene, ellipsoids=()).points()),  # hidden at first
-        "actors": [_actor(actor, shapes, bodies) for actor in scene.actors],
-        "trails": [_trail(trail) for trail in scene.trails],
-        "solids": [
-            {
-                **{"name": solid.name, "layer": solid.layer, "unbounded": solid.unbounded},
-                "body": _body(solid.vertices, solid.triangles, shapes, bodies),
-            }
-            for solid in scene.solids
-        ],
-        "frames": [
-            {"name": f.name, "layer": f.layer, **_poses(f.rotations, f.positions)}
-            for f in scene.frames
-        ],
-        "ellipsoids": [
-            {
-                **{"name": each.name, "layer": each.layer, "positions": packed(each.centres)},
+        "actors": listed(scene.actors, lambda each: _actor(each, shapes, bodies)),
+        "trails": listed(scene.trails, _trail),
+        "solids": listed(
+            scene.solids,
+            lambda each: {
+                "unbounded": each.unbounded,
+                "body": _body(each.vertices, each.triangles, shapes, bodies),
+            },
+        ),
+        "frames": listed(scene.frames, lambda each: _poses(each.rotations, each.positions)),
+        "ellipsoids": listed(
+            scene.ellipsoids,
+            lambda each: {
+                "positions": packed(each.centres),
                 "axes": packed(each.axes.transpose(0, 2, 1).reshape(-1, 9)),
-            }
-            for each in scene.ellipsoids
-        ],
-        "gaps": [
-            {
-                **{"name": gap.name, "layer": gap.layer},
-                "ends": packed(np.concatenate([gap.starts, gap.ends], axis=1)),
-                "distances": packed(gap.distances[:, None]),
-            }
-            for gap in scene.gaps
-        ],
-        "clouds": [
-            {
-                **{"name": cloud.name, "layer": cloud.layer, "labels": cloud.labels},
-                "role": cloud.role,
-                "positions": packed(cloud.positions.reshape(len(cloud.positions), -1)),
-            }
-            for cloud in scene.clouds
-        ],
+            },
+        ),
+        "gaps": listed(
+            scene.gaps,
+            lambda each: {
+                "ends": packed(np.concatenate([each.starts, each.ends], axis=1)),
+                "distances": packed(each.distances[:, None]),
+            },
+        ),
+        "clouds": listed(
+            scene.clouds,
+            lambda each: {
+                **{"labels": each.labels, "role": each.role},
+                "positions": packed(each.positions.reshape(len(each.positions), -1)),
+            },
+        ),
     }
 
 
 def _actor(actor: Actor, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[str, Any]:
-    links: dict[str, list[Mesh]] = {}
-    for mesh in actor.meshes:
-        links.setdefault(mesh.link, []).append(mesh)
-    return {
-        **{"name": actor.name, "role": actor.role, "layer": actor.layer},
-        "translucent": actor.translucent,
-        "links": [
-            {
-                "name": link,
-                **_poses(actor.rotations[link], actor.positions[link]),
-                "parts": [
-                    {
-                        "body": _body(part.vertices, part.triangles, shapes, bodies),
-                        "colour": [round(float(each), 4) for each in part.colour],
-                    }
-                    for part in parts
-                ],
-            }
-            for link, parts in links.items()
-        ],
+    def part(mesh: Mesh) -> dict[str, Any]:
+        body = _body(mesh.vertices, mesh.triangles, shapes, bodies)
+        return {"body": body, "colour": [round(float(each), 4) for each in mesh.colour]}
+
+    links = {
+        link: {
+            "name": link,
+            **_poses(actor.rotations[link], actor.positions[link]),
+            "parts": [part(mesh) for mesh in actor.meshes if mesh.link == link],
+        }
+        for link in dict.fromkeys(mesh.link for mesh in actor.meshes)
     }
+    return {"role": actor.role, "translucent": actor.translucent, "links": list(links.values())}
 
 
 def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str, Any]]) -> int:
@@ -256,7 +246,7 @@ def _poses(rotations: Array, positions: Array) -> dict[str, Any]:
 
 def _trail(trail: Trail) -> dict[str, Any]:
     return {
-        **{"name": trail.name, "role": trail.role, "layer": trail.layer},
+        "role": trail.role,
         "points": packed(_even(trail.points)),
         "dot": None if trail.dot is None else packed(trail.dot),
     }

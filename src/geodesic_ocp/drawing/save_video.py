@@ -115,26 +115,19 @@ def write_gif(
                 Image.fromarray(shown).quantize(palette=colours, dither=Image.Dither.NONE)
             )
             now[now == clear] = clear - 1  # the same colour
-            pale = shown >= _PAPER  # which Pillow's approximate search may take for a tint
-            now[pale[..., 0] & pale[..., 1] & pale[..., 2]] = clear - 1
+            # Pillow's approximate search may take white for a tint.
+            now[shown.min(axis=2) >= _PAPER] = clear - 1
             # What stays as it is, is transparent or left out, which saves most.
             differs = now != before if before.size else np.ones(now.shape, dtype=bool)
             fresh = np.where(differs, now, np.uint8(clear))
             before = now
-            (top, bottom), (left, right) = (
-                _extent(np.asarray(differs.any(axis=axis))) for axis in (1, 0)
-            )
-            made = Image.fromarray(np.ascontiguousarray(fresh[top:bottom, left:right]), mode="P")
+            left, top, right, bottom = Image.fromarray(differs).getbbox() or (0, 0, 1, 1)
+            part = np.ascontiguousarray(fresh[top:bottom, left:right])
+            made = Image.fromarray(part, mode="P")
             stay = {"duration": time, "transparency": clear, "disposal": 1}
             for block in getdata(made, (left, top), include_color_table=False, **stay):
                 stream.write(block)
         stream.write(b";")
-
-
-def _extent(there: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return first and last place, plus one, that is there; one place if there is none."""
-    found = np.flatnonzero(there)
-    return (int(found[0]), int(found[-1]) + 1) if len(found) else (0, 1)
 
 
 def _palette(pixels: Frame) -> list[int]:

@@ -77,7 +77,7 @@ class PlaybackViewer {
   fit() {
     for (const pane of this.panes) pane.resize();
     if (this.untouched) {
-      const views = this.panes.map((pane) => pane.fit(this.data.azimuth, this.data.elevation));
+      const views = this.panes.map((pane) => pane.fit(this.data.axes));
       const distance = Math.max(...views.map((view) => view.distance));
       this.moveCameras(() => this.panes.forEach((pane, i) => pane.look(views[i], distance)));
     }

@@ -1,8 +1,7 @@
 // A scene in its place on the page: renderer, light, floor, camera, and labels over it.
 
 const ANGLE = 26; // vertical angle of view [deg]
-const ELEVATION = 17; // of the first view [deg]
-const STEEP = 60; // from which on shadows hide more than they tell [deg]
+const STEEP = 0.87; // sine of the elevation from which on shadows hide more than they tell
 const MARGIN = 0.88; // share of the view that everything fills
 
 class Pane {
@@ -40,7 +39,7 @@ class Pane {
     this.box = new THREE.Box3().setFromPoints(this.points);
     this.size = Math.max(0.05, this.box.getSize(new THREE.Vector3()).length() / 2);
     this.drawing = new Drawing(scene, data, surfaces, this.size);
-    this.viewer.scene = new THREE.Scene().add(this.drawing.root, ...this.lights(data.elevation ?? ELEVATION), ...this.floor());
+    this.viewer.scene = new THREE.Scene().add(this.drawing.root, ...this.lights(data.axes[2][2]), ...this.floor());
     this.labels = this.drawing.labels.map((label) => {
       const element = document.createElement("span");
       element.className = "playback-label";
@@ -100,7 +99,7 @@ class Pane {
     return this.viewer.controls;
   }
 
-  lights(elevation) {
+  lights(height) {
     const { THREE } = MeshCat;
     const middle = this.box.getCenter(new THREE.Vector3());
     const far = 2 * this.size;
@@ -111,7 +110,7 @@ class Pane {
       return light;
     };
     const key = from(-0.15, 0.5, 1.6, 0.6);
-    key.castShadow = elevation < STEEP;
+    key.castShadow = height < STEEP;
     key.shadow.mapSize.set(1024, 1024);
     key.shadow.bias = -0.0005;
     Object.assign(key.shadow.camera, { left: -far, right: far, top: far, bottom: -far, near: 0.01, far: 5 * far });
@@ -166,16 +165,11 @@ class Pane {
     return [grid, shadow];
   }
 
-  // Distance and middle from which everything just fits, seen from this direction [deg].
-  fit(azimuth, elevation) {
+  // Distance and middle from which everything just fits, seen by a camera with these axes: to the
+  // right, up, and back to the observer.
+  fit(axes) {
     const { THREE } = MeshCat;
-    const steep = Math.min(89.9, Math.max(-89.9, elevation ?? ELEVATION)); // up is up
-    const [turn, tilt] = [azimuth, steep].map(THREE.MathUtils.degToRad);
-    const back = new THREE.Vector3(
-      ...[Math.sin(turn) * Math.cos(tilt), Math.cos(turn) * Math.cos(tilt), Math.sin(tilt)]
-    );
-    const right = new THREE.Vector3(0, 0, 1).cross(back).normalize();
-    const up = back.clone().cross(right);
+    const [right, up, back] = axes.map((axis) => new THREE.Vector3(...axis));
     const slope = MARGIN * Math.tan(THREE.MathUtils.degToRad(ANGLE / 2));
     const middle = this.box.getCenter(new THREE.Vector3());
     let distance = 0;
