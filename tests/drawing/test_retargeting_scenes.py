@@ -17,7 +17,6 @@ from geodesic_ocp.drawing.alignments import alignment_playback
 from geodesic_ocp.drawing.retargeting_scenes import (
     BASELINE,
     retargeting_playback,
-    retargetings_playback,
 )
 from geodesic_ocp.drawing.scene import Playback, Scene, Trail
 from geodesic_ocp.model.formats.robots import folder
@@ -137,18 +136,12 @@ def test_spans_are_the_synergies(found: go.retargeting.Retargeting, playback: Pl
             assert span.text.endswith(f"person's {first if first == last else f'{first}-{last}'}")
 
 
-def test_without_the_person(found: go.retargeting.Retargeting) -> None:
-    alone = retargeting_playback(found, person=False)
-    assert [scene.title for scene in alone.scenes] == ["robot"]
-    assert list(alone.spans) == ["robot"]
-
-
 @pytest.mark.slow
 def test_several_robots_share_the_person(found: go.retargeting.Retargeting) -> None:
     """Whose time is the recording's, if the robots take different times."""
     slow = small_retargeting(0.8, "slow")
     assert slow.stretch > 1.01
-    together = retargetings_playback([found, slow])
+    together = retargeting_playback(found, slow)
     assert [scene.title for scene in together.scenes] == ["person", "robot", "slow"]
     assert list(together.spans) == ["person", "robot", "slow"]
     person, fast, slower = together.scenes
@@ -158,11 +151,9 @@ def test_several_robots_share_the_person(found: go.retargeting.Retargeting) -> N
     assert "times the person's time" in slower.note
     assert not fast.note
     assert len({(plot.label, plot.title) for plot in together.plots}) == len(together.plots)
-    same = retargetings_playback([slow, slow])
+    same = retargeting_playback(slow, slow)
     assert list(same.spans) == ["person", "slow", "slow (2)"]
     assert same.scenes[0].time[-1] == pytest.approx(same.scenes[1].time[-1])
-    with pytest.raises(ValueError, match="at least one"):
-        retargetings_playback([])
 
 
 @pytest.mark.slow
@@ -186,7 +177,7 @@ def test_a_person_in_the_time_of_the_recording_is_not_slowed(
 ) -> None:
     for shown in (
         retargeting_playback(found),
-        retargetings_playback([found, small_retargeting(0.8, "slow")]),
+        retargeting_playback(found, small_retargeting(0.8, "slow")),
     ):
         assert "slowed" not in shown.scenes[0].note
 
@@ -194,7 +185,7 @@ def test_a_person_in_the_time_of_the_recording_is_not_slowed(
 @pytest.mark.slow
 def test_two_motions_of_one_robot_have_different_titles(found: go.retargeting.Retargeting) -> None:
     slow = small_retargeting(0.8)
-    together = retargetings_playback([found, slow])
+    together = retargeting_playback(found, slow)
     assert [scene.title for scene in together.scenes] == ["person", "robot", "robot (2)"]
     assert list(together.spans) == ["person", "robot", "robot (2)"]
     assert len({(plot.label, plot.title) for plot in together.plots}) == len(together.plots)

@@ -25,7 +25,7 @@ from geodesic_ocp.cli.terminal import (
     require_pages,
     why_no_pages,
 )
-from geodesic_ocp.drawing.report import report as write_report
+from geodesic_ocp.drawing.viewer import report as write_report
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.align import align, read_alignment

@@ -14,8 +14,7 @@ from cyclopts import Parameter
 from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides
 from geodesic_ocp.cli.playbacks import Shown
 from geodesic_ocp.cli.terminal import check_folder, progress, require_pages
-from geodesic_ocp.drawing.beside import beside
-from geodesic_ocp.drawing.scene import Playback
+from geodesic_ocp.drawing.scene import Playback, beside
 from geodesic_ocp.drawing.viewer import PAGES, PICTURES, Viewer
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 

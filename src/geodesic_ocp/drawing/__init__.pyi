@@ -1,3 +1,3 @@
 from .arm_shapes import draw_obstacle as draw_obstacle
-from .report import report as report
 from .viewer import Viewer as Viewer
+from .viewer import report as report

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import is_drawn_by, model_actor
-from geodesic_ocp.drawing.beside import beside
 from geodesic_ocp.drawing.model_scene import (
     HAND_SPEED,
     POSITIONS,
@@ -23,7 +22,7 @@ from geodesic_ocp.drawing.model_scene import (
     model_scene,
     shown_samples,
 )
-from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span
+from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span, beside
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import upright
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
@@ -318,9 +317,10 @@ def _shares(
     return joint_plots(model, time, percent, dict.fromkeys(labels, share), marks=(100.0,))
 
 
-def planned_playback(
-    planned: PlannedTrajectory, *, rate: float = 100.0, title: str = ""
-) -> Playback:
+_RATE = 100.0  # [Hz], of planned trajectories
+
+
+def planned_playback(planned: PlannedTrajectory) -> Playback:
     """Return the motion of all arms of a planned trajectory, and the times of the paths of each.
 
     The arms of one robot are in one pane; others have a pane each, in axes of their base, as a
@@ -328,13 +328,8 @@ def planned_playback(
 
     Args:
         planned: trajectory of `plan_trajectory`, or of a retargeting.
-        rate: rate of the samples [Hz].
-        title: title of the playback; the names of the robots by default.
-
-    Raises:
-        ValueError: the rate is not positive.
     """
-    whole = planned.sampled(rate)
+    whole = planned.sampled(_RATE)
     parts, first = [], 0
     for number, arm in enumerate(planned.arms):
         own = slice(first, first + arm.robot.dof)
@@ -351,7 +346,7 @@ def planned_playback(
         part = trajectory_playback(trajectory, arm.robot, limits=arm.limits, gravity=arm.gravity)
         parts.append(replace(part, spans={"paths": _path_spans(planned, number)}))
     robots = [arm.robot for arm in planned.arms]
-    return robots_playback(robots, parts, title=title)
+    return robots_playback(robots, parts)
 
 
 def _path_spans(planned: PlannedTrajectory, number: int) -> tuple[Span, ...]:
@@ -371,15 +366,14 @@ def _path_spans(planned: PlannedTrajectory, number: int) -> tuple[Span, ...]:
 _ERRORS = {"rad": "joint errors [rad]", "m": "prismatic joint errors [m]"}
 
 
-def replay_playback(replay: Replay, *, title: str = "") -> Playback:
+def replay_playback(replay: Replay) -> Playback:
     """Return the simulated robot, and the trajectory that it follows as an overlay.
 
     Args:
         replay: replay of a trajectory.
-        title: title of the playback; the model's name by default.
     """
     model = replay.model
-    playback = motion_playback(replay.motion, model, title=title, note=replay.controller)
+    playback = motion_playback(replay.motion, model, note=replay.controller)
     (scene,) = playback.scenes
     shown, _ = shown_samples(replay.motion.time)
     time, wanted = replay.motion.time[shown], replay.reference.positions[shown]

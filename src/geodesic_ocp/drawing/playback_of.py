@@ -13,7 +13,6 @@ from typing import Any, TypeAlias, get_args, get_type_hints
 import numpy as np
 
 from geodesic_ocp.drawing.alignments import alignment_playback
-from geodesic_ocp.drawing.beside import beside
 from geodesic_ocp.drawing.motion_scenes import (
     body_of,
     model_playback,
@@ -30,8 +29,8 @@ from geodesic_ocp.drawing.recording_scenes import (
     synergies_playback,
     synergy_spans,
 )
-from geodesic_ocp.drawing.retargeting_scenes import retargetings_playback
-from geodesic_ocp.drawing.scene import Playback
+from geodesic_ocp.drawing.retargeting_scenes import retargeting_playback
+from geodesic_ocp.drawing.scene import Playback, beside
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.replay import Replay
 from geodesic_ocp.logarithm.geodesic_to_pose import ToPose
@@ -157,11 +156,6 @@ def _(result: ToPose) -> Playback:
 
 
 @playback.register
-def _(result: Retargeting, *others: Retargeting) -> Playback:
-    return retargetings_playback((result, *others))
-
-
-@playback.register
 def _(result: Alignment, robot: Model | None = None) -> Playback:
     if robot is None:
         raise ValueError("an alignment is shown with its robot: give the Model after it")
@@ -175,6 +169,7 @@ _ALONE: dict[type, Callable[..., Playback]] = {
     PlannedTrajectory: planned_playback,
     Replay: replay_playback,
     Analysis: analysis_playback,
+    Retargeting: retargeting_playback,
     MarkerFit: marker_fit_playback,
     Markers: markers_playback,
 }
@@ -196,7 +191,8 @@ def _follower(item: Any) -> type | None:
     function = playback.dispatch(type(item))
     hints, parameters = get_type_hints(function), signature(function).parameters.values()
     given = [hints[each.name] for each in parameters if each.kind is not each.KEYWORD_ONLY]
-    return next(iter(get_args(given[1]) or given[1:])) if given[1:] else None
+    last = given[-1] if len(given) > 1 or function is retargeting_playback else None
+    return next(iter(get_args(last)), last)
 
 
 def _as_item(item: Any) -> Any:

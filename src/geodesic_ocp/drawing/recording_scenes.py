@@ -166,18 +166,16 @@ def _widest(model: Model, q: Array) -> list[int]:
 _SAME = 1e-6  # [s] between a sample of the markers and that of the fit
 
 
-def markers_playback(markers: Markers, *, title: str = "") -> Playback:
+def markers_playback(markers: Markers) -> Playback:
     """Return markers alone, as points.
 
     Args:
         markers: in a space with z up.
-        title: title of the playback; the name of the subject by default.
     """
     shown, note = shown_samples(markers.time)
     cloud = PointCloud("markers", markers.positions[shown], markers.names)
-    scene = Scene(
-        title or markers.subject.name or "markers", markers.time[shown], clouds=(cloud,), note=note
-    )
+    title = markers.subject.name or "markers"
+    scene = Scene(title, markers.time[shown], clouds=(cloud,), note=note)
     return Playback(scene.title, (scene,), {})
 
 

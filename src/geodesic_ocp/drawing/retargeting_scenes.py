@@ -267,37 +267,20 @@ _SAME_TIME = 1e-9  # [s]
 _HIDDEN = (*Playback.hidden, BASELINE)
 
 
-def retargeting_playback(retargeting: Retargeting, *, person: bool = True) -> Playback:
-    """Return a person and a robot that moves like the person, in the robot's time.
+def retargeting_playback(*retargetings: Retargeting) -> Playback:
+    """Return robots that move like one person, or like several, each person shown once.
 
     The robot's shoulder is where the person's is, and its base is turned as the alignment says. In
     its pane are the path of its hand, that of the person's hand, mapped to the robot, and, to be
     switched on, the motion by inverse kinematics that tracks the hand along its whole path. The
     slider has the person's synergies and those of the robot.
 
-    Args:
-        retargeting: result of `retarget`.
-        person: whether the person is shown as well.
-    """
-    found = retargetings_playback([retargeting], person=person)
-    return replace(found, title=" and ".join(arm.title for arm in retargeting.arms))
-
-
-def retargetings_playback(retargetings: Sequence[Retargeting], *, person: bool = True) -> Playback:
-    """Return several robots that move like one person, or like several, each person shown once.
-
-    All begin at the same time. If the robots take different times, the person takes the time of the
-    recording, and each robot its own. Panes and plots of equal title are numbered.
+    Several begin at the same time. If the robots take different times, the person takes the time of
+    the recording, and each robot its own. Panes and plots of equal title are numbered.
 
     Args:
         retargetings: results of `retarget`, at least one.
-        person: whether the persons are shown as well.
-
-    Raises:
-        ValueError: there is none.
     """
-    if not retargetings:
-        raise ValueError("retargetings must be at least one, got none")
     several = len(retargetings) > 1
     start = 0.0 if several else float(retargetings[0].motion.time[0])
     groups: dict[tuple[int, ...], list[Retargeting]] = {}
@@ -319,9 +302,8 @@ def retargetings_playback(retargetings: Sequence[Retargeting], *, person: bool =
     for robots in groups.values():
         time = _common_time(robots) + start
         shown, _ = shown_samples(time)
-        if person:
-            add(person_pane(robots[0].arms, time[shown], shown))
-            spans |= _distinct(_spans_of_person(robots[0], time), spans)
+        add(person_pane(robots[0].arms, time[shown], shown))
+        spans |= _distinct(_spans_of_person(robots[0], time), spans)
         for each in robots:
             own = each.motion.time - each.motion.time[0] + start
             number = add(robot_pane(each, shown, start))
@@ -331,7 +313,7 @@ def retargetings_playback(retargetings: Sequence[Retargeting], *, person: bool =
             plots += _plots(each, shown, start, several, number)
     titles = dict.fromkeys(arm.title for each in retargetings for arm in each.arms)
     return Playback(
-        ", ".join(titles),
+        (", " if several else " and ").join(titles),
         tuple(scenes),
         spans,
         tuple(plots),
