@@ -19,6 +19,7 @@ from geodesic_ocp.drawing.styles import (
     line_styles,
     new_figure,
 )
+from geodesic_ocp.model.model import Model, hand_labels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,22 +44,6 @@ def shade_segments(axes: Axes, time: Array, segments: Sequence[tuple[int, int]])
     style: dict[str, Any] = {"color": _SHADE, "linewidth": 0, "zorder": 0}
     axes.fill_between(edges, 0.0, height, step="post", transform=where, **style)
     axes.set_xlim(time[0], time[-1])
-
-
-def draw_over_time(
-    axes: Axes,
-    time: Array,
-    observed: Array,
-    predicted: Array,
-    label: str,
-    names: Names = NAMES,
-    style: Mapping[str, Any] = OBSERVED,
-) -> None:
-    """Draw one coordinate over time [s], observed and predicted, (k,) each."""
-    axes.plot(time, observed, **style, label=names[0])
-    axes.plot(time, predicted, **PREDICTED, label=names[1])
-    long = max(map(len, label.splitlines())) > _LONG
-    axes.set_ylabel(label, fontsize="small" if long else None)
 
 
 def draw_overview(
@@ -95,10 +80,12 @@ def draw_overview(
     for row, (label, observed, predicted) in enumerate(rows):
         axes = figure.add_subplot(grid[above + row, 0], sharex=panels[0] if panels else None)
         shade_segments(axes, time, segments)
-        if other is None or row < len(columns):
-            draw_over_time(axes, time, observed, predicted, label, names)
-        else:
-            draw_over_time(axes, time, observed, predicted, label, (other, names[1]), BASELINE)
+        of_hand = other is None or row < len(columns)
+        first, look = (names[0], OBSERVED) if of_hand else (other, BASELINE)
+        axes.plot(time, observed, **look, label=first)
+        axes.plot(time, predicted, **PREDICTED, label=names[1])
+        long = max(map(len, label.splitlines())) > _LONG
+        axes.set_ylabel(label, fontsize="small" if long else None)
         axes.label_outer()
         panels.append(axes)
     if ticks is not None:
@@ -108,9 +95,7 @@ def draw_overview(
     figure.align_ylabels(panels)
 
     path = figure.add_subplot(grid[above:, 1])
-    axis_names = ("xyz"[columns[0]], "xyz"[columns[1]])
-    observed, predicted = (hand[:, columns] for hand in hands)
-    draw_hand_path(path, observed, predicted, segments, axis_names, names)
+    draw_hand_path(path, *hands, segments, names)
     shown = dict(zip(*path.get_legend_handles_labels()[::-1], strict=True))
     shown |= dict(zip(*panels[-1].get_legend_handles_labels()[::-1], strict=True))
     figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=len(shown))
@@ -123,19 +108,20 @@ def draw_hand_path(
     observed: Array,
     predicted: Array,
     segments: Sequence[tuple[int, int]],
-    axis_names: tuple[str, str],
     names: Names = NAMES,
     hand: str = "hand",
 ) -> None:
-    """Draw the path of the hand (k, 2) [m] in two axes, with a mark where each segment begins."""
-    axes.plot(*observed.T, **OBSERVED, label=names[0])
-    axes.plot(*predicted.T, **PREDICTED, label=names[1])
+    """Draw the path of the hand (k, 3) [m] in the two axes of largest range, with a mark where each
+    segment begins.
+    """
+    first, second = widest_columns(observed, 2)
+    axes.plot(*observed[:, [first, second]].T, **OBSERVED, label=names[0])
+    axes.plot(*predicted[:, [first, second]].T, **PREDICTED, label=names[1])
     starts = [start for start, _ in segments]
-    marks = observed[[*starts, segments[-1][1]]]
+    marks = observed[[*starts, segments[-1][1]]][:, [first, second]]
     style = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 5}
     axes.plot(*marks.T, "o", label="segment ends", **style)
-    axes.set_xlabel(f"{hand} {axis_names[0]} [m]")
-    axes.set_ylabel(f"{hand} {axis_names[1]} [m]")
+    axes.set(xlabel=f"{hand} {'xyz'[first]} [m]", ylabel=f"{hand} {'xyz'[second]} [m]")
     axes.set_aspect("equal", adjustable="datalim")
 
 
@@ -154,6 +140,26 @@ def widest_of_thirds(values: Array) -> list[int]:
 
 
 _HEADROOM = 1.6  # above the two predictions with the smallest peaks
+
+
+def errors_over_time(
+    model: Model, observed: Array, predicted: Mapping[str, Array]
+) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
+    """Return mean errors of the joints (k,) [rad or m] by prediction, and distances of each hand
+    (k,) [m] by its label and prediction.
+
+    Args:
+        model: the model.
+        observed: configurations (k, n).
+        predicted: configurations (k, n) by the name of the prediction.
+    """
+    joints = {name: np.mean(np.abs(q - observed), axis=1) for name, q in predicted.items()}
+    distances: dict[str, dict[str, Array]] = {}
+    for label, hand in zip(hand_labels(model.hands), model.hands, strict=True):
+        seen = model.frame_pose(hand, observed)[1]
+        ways = {name: model.frame_pose(hand, q)[1] for name, q in predicted.items()}
+        distances[label] = {n: np.linalg.norm(way - seen, axis=1) for n, way in ways.items()}
+    return joints, distances
 
 
 def draw_error_over_time(
@@ -247,11 +253,8 @@ def draw_analysis(
 
     places = _panels(grid, len(hands) + (curve is not None))
     for place, (hand, (observed, predicted)) in zip(places, hands.items(), strict=False):
-        columns = widest_columns(observed, 2)
-        axis_names = ("xyz"[columns[0]], "xyz"[columns[1]])
         path = figure.add_subplot(place)
-        ways = observed[:, columns], predicted[:, columns]
-        draw_hand_path(path, *ways, segments, axis_names, hand=hand)
+        draw_hand_path(path, observed, predicted, segments, hand=hand)
         path.set_title(f"path of the {hand}; circles are cuts", **_TITLE)
     if curve is not None:
         axes = figure.add_subplot(places[-1])

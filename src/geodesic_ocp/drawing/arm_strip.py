@@ -40,6 +40,7 @@ _NOTE: dict[str, Any] = {"color": "0.45", "fontsize": "small"}  # read on black,
 _PATH: dict[str, Any] = {"linewidth": 0.9, "zorder": 4.0}
 _OUTLINE: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (3.0, 1.2)), "zorder": 3.0}
 _TARGET: dict[str, Any] = {"markersize": 6.0, "markeredgewidth": 1.2, "zorder": 4.1}
+_TARGET |= {"color": OBSERVED["color"]}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,12 +87,8 @@ def strip_instants(segments: Sequence[tuple[int, int]], count: int) -> list[int]
     """
     edges = np.linspace(segments[0][0], segments[-1][1], count + 1)
     wanted = (edges[1:] + edges[:-1]) / 2
-    chosen = {
-        (start + stop) // 2
-        for start, stop in segments
-        if np.any((wanted >= start) & (wanted < stop))
-    }
-    return sorted(chosen)
+    shown = [each for each in segments if np.any((wanted >= each[0]) & (wanted < each[1]))]
+    return sorted({(start + stop) // 2 for start, stop in shown})
 
 
 def draw_arm_strip(
@@ -122,9 +119,8 @@ def draw_arm_strip(
     """
     rows = [_row(view, len(labels), arms, obstacles, paths) for view in views]
     planes = [each for each in obstacles if isinstance(each, HalfSpace)]
-    observed = ROLES["observed"]["color"]
-    width = max(high[0] - low[0] for _, low, high in rows)
-    tallest = max(high[1] - low[1] for _, low, high in rows)
+    colour = ROLES[arms[0].role]["color"]
+    width, tallest = np.max([high - low for _, low, high in rows], axis=0)
     gap = _GAP * max(width, tallest)
     pitch, top = width + gap, 0.0
     for view, (columns, low, high) in zip(views, rows, strict=True):
@@ -141,13 +137,11 @@ def draw_arm_strip(
                     line = outline_of_all(arm.postures, column, view) + shift
                     axes.plot(*line.T, color=ROLES[arm.role]["color"], **_OUTLINE)
             for path in paths:
-                line = view.plane(path) + shift
-                axes.plot(*line.T, color=ROLES[arms[0].role]["color"], **_PATH)
+                axes.plot(*(view.plane(path) + shift).T, color=colour, **_PATH)
             if targets is not None:
-                mark = view.plane(targets[column]) + shift
-                axes.plot(*mark, "+", color=observed, **_TARGET)
-        middle = (-0.5 * pitch, top - 0.5 * height)
+                axes.plot(*view.plane(targets[column]) + shift, "+", **_TARGET)
         if len(views) > 1:
+            middle = (-0.5 * pitch, top - 0.5 * height)
             axes.text(*middle, view.name, **_NOTE, rotation=90, ha="right", va="center")
         if view.axis is None:
             corner = np.array([-0.5 * pitch, top - height])
@@ -157,8 +151,8 @@ def draw_arm_strip(
     for column, label in enumerate(labels):
         axes.text(column * pitch, bottom - 0.35 * gap, label, ha="center", va="top")
     draw_scale(axes, (len(labels) - 0.5) * pitch, bottom, tallest)
-    axes.set_xlim(-0.55 * pitch, (len(labels) - 0.4) * pitch)
-    axes.set_ylim(bottom - gap, 0.5 * gap)
+    sides = (-0.55 * pitch, (len(labels) - 0.4) * pitch)
+    axes.set(xlim=sides, ylim=(bottom - gap, 0.5 * gap))
     axes.set_aspect("equal", anchor="W")
     axes.set_axis_off()
     if title:
@@ -175,18 +169,11 @@ def _row(
 ) -> tuple[list[list[Shape]], Array, Array]:
     """Return shapes of each figure, and the corners (2,) of a box around all of them."""
     fixed = obstacle_shapes(obstacles, view)
-    columns = [
-        [
-            *fixed,
-            *(
-                shape
-                for number, arm in enumerate(arms)
-                if arm.filled
-                for shape in posture_shapes(arm.postures, column, view, arm.role, still=number == 0)
-            ),
-        ]
-        for column in range(count)
-    ]
+    columns = [list(fixed) for _ in range(count)]
+    for column, shapes in enumerate(columns):
+        for arm in (each for each in arms if each.filled):
+            still = arm is arms[0]
+            shapes += posture_shapes(arm.postures, column, view, arm.role, still=still)
     points = [outline for shapes in columns for shape in shapes for outline in shape.outlines]
     points += [view.plane(arm.postures.joints).reshape(-1, 2) for arm in arms]
     every = np.concatenate([*points, *(view.plane(path) for path in paths)])
@@ -232,38 +219,30 @@ def draw_overlay(
         obstacles: obstacles that do not move.
         path: path of the hand (m, 3) [m].
     """
-    inks = np.linspace(_LIGHTEST, 1.0, len(postures))
-    everywhere = []
-    for index, ink in enumerate(inks):
+    fixed = obstacle_shapes(obstacles, view)
+    everywhere = [outline for shape in fixed for outline in shape.outlines]
+    for index, ink in enumerate(np.linspace(_LIGHTEST, 1.0, len(postures))):
         shapes = posture_shapes(postures, index, view, ink=float(ink), still=index == 0)
         draw_shapes(axes, shapes, 2.0 + 0.1 * index)
         everywhere += [outline for shape in shapes for outline in shape.outlines]
-    fixed = obstacle_shapes(obstacles, view)
-    everywhere += [outline for shape in fixed for outline in shape.outlines]
     if path is not None:
-        line = view.plane(path)
-        axes.plot(*line.T, color=OBSERVED["color"], linewidth=1.2, zorder=4.0)
-        everywhere.append(line)
+        everywhere.append(view.plane(path))
+        axes.plot(*everywhere[-1].T, color=OBSERVED["color"], linewidth=1.2, zorder=4.0)
     corners = np.concatenate(everywhere)
     low, high = corners.min(axis=0), corners.max(axis=0)
     size = float((high - low).max())
     low, high = low - _MARGIN * size, high + _MARGIN * size
-    planes = [each for each in obstacles if isinstance(each, HalfSpace)]
-    draw_shapes(axes, [*obstacle_shapes(planes, view, (low, high)), *fixed], 1.0)
+    draw_shapes(axes, obstacle_shapes(obstacles, view, (low, high)), 1.0)
     hands = view.plane(postures.hands[:, 0])
     axes.plot(*hands.T, "o", **_DOT)
     centre = view.plane(postures.joints).mean(axis=(0, 1))
     for label, hand in _apart(labels, hands, _NEAR * size):
-        outward = hand - centre
-        away = _AWAY * outward / max(float(np.linalg.norm(outward)), 1e-12)
-        place, offset = (float(hand[0]), float(hand[1])), (float(away[0]), float(away[1]))
-        axes.annotate(label, place, offset, textcoords="offset points", **_LABEL)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
+        away: Any = _AWAY * (hand - centre) / max(float(np.linalg.norm(hand - centre)), 1e-12)
+        axes.annotate(label, (hand[0], hand[1]), away, textcoords="offset points", **_LABEL)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_aspect("equal", adjustable="box")
     names = ["xyz"[int(np.argmax(np.abs(side)))] for side in view.axes[:2]]
-    axes.set_xlabel(f"{names[0]} [m]")
-    axes.set_ylabel(f"{names[1]} [m]")
+    axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
 
 
 def _apart(labels: Sequence[str], hands: Array, least: float) -> list[tuple[str, Array]]:
@@ -279,11 +258,8 @@ def _apart(labels: Sequence[str], hands: Array, least: float) -> list[tuple[str,
 
 _HALF = 0.42  # of the width, relative to the extent of the arm
 _BODY: dict[str, Any] = {"color": "0.25", "linewidth": 0.9, "linestyle": (0, (2.5, 1.5))}
-_INSET_GAP: dict[str, Any] = {
-    "color": PREDICTED["color"],
-    "linewidth": 2.5,
-    "solid_capstyle": "butt",
-}
+_INSET_GAP: dict[str, Any] = {"color": PREDICTED["color"], "solid_capstyle": "butt"}
+_INSET_GAP |= {"linewidth": 2.5, "zorder": 5.0}
 _INSET_PATH: dict[str, Any] = {"color": OBSERVED["color"], "linewidth": 0.9, "zorder": 4.0}
 
 
@@ -314,8 +290,8 @@ def draw_close_up(
     centre = view.plane(points.mean(axis=0))
     half = _HALF * float(np.ptp(posture.joints[0], axis=0).max())
     box = centre - half, centre + half
-    shapes = obstacle_shapes(obstacles, view, box)
-    draw_shapes(axes, [*posture_shapes(posture, 0, view), *shapes])
+    shapes = [*posture_shapes(posture, 0, view), *obstacle_shapes(obstacles, view, box)]
+    draw_shapes(axes, shapes)
     for body in model.bodies:
         if body.link is not None and model.moves(body.link) and body.link in (links or [body.link]):
             rotation, position = model.frame_pose(body.link, q)
@@ -328,13 +304,11 @@ def draw_close_up(
                 axes.plot(*np.concatenate([outline, outline[:1]]).T, zorder=3.0, **_BODY)
     for path in paths:
         axes.plot(*view.plane(path).T, **_INSET_PATH)
-    axes.plot(*view.plane(points).T, zorder=5.0, **_INSET_GAP)
+    axes.plot(*view.plane(points).T, **_INSET_GAP)
     axes.set_aspect("equal", adjustable="box")
-    axes.set_xlim(box[0][0], box[1][0])
-    axes.set_ylim(box[0][1], box[1][1])
-    axes.set_xticks([])
-    axes.set_yticks([])
-    draw_scale(axes, float(box[0][0] + 0.08 * half), float(box[0][1] + 0.08 * half), half)
+    (left, low), (right, high) = box
+    axes.set(xlim=(left, right), ylim=(low, high), xticks=[], yticks=[])
+    draw_scale(axes, left + 0.08 * half, low + 0.08 * half, half)
 
 
 _INSTANTS, _SAMPLES = 6, 101

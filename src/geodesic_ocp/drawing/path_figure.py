@@ -21,13 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def draw_coordinates(axes: Axes, s: Array, values: Array, names: Sequence[str]) -> None:
-    """Draw coordinates (k, n) over s (k,), each with its name."""
-    for name, column, style in zip(names, values.T, line_styles(len(names)), strict=True):
-        axes.plot(s, column, label=name, **style)
-    axes.set_xlim(s[0], s[-1])
-
-
 def draw_plane_path(axes: Axes, path: Array, via: Array, names: tuple[str, str]) -> None:
     """Draw a path (k, 2) with marks at its ends and at via points (m, 2)."""
     axes.plot(*path.T, **OBSERVED, label="path")
@@ -36,8 +29,7 @@ def draw_plane_path(axes: Axes, path: Array, via: Array, names: tuple[str, str])
     if len(via):
         axes.plot(*via.T, "D", label="via point", color="#7a7a7a", markersize=6)
     axes.plot(*path[-1:].T, "s", label="end", color=PREDICTED["color"], markersize=6)
-    axes.set_xlabel(names[0])
-    axes.set_ylabel(names[1])
+    axes.set(xlabel=names[0], ylabel=names[1])
     axes.set_aspect("equal", adjustable="datalim")
 
 
@@ -137,7 +129,9 @@ def _names(path: Path) -> tuple[list[str], str]:
 def _draw_coordinates(axes: Axes, path: Path) -> None:
     s = np.linspace(0.0, 1.0, _SAMPLES)
     names, units = _names(path)
-    draw_coordinates(axes, s, path(s), names)
+    for name, column, style in zip(names, path(s).T, line_styles(len(names)), strict=True):
+        axes.plot(s, column, label=name, **style)
+    axes.set_xlim(0.0, 1.0)
     limits = limits_reached(path, getattr(path.metric, "model", None))
     for line, limit in zip(axes.get_lines(), limits, strict=True):
         for value in limit:
@@ -203,11 +197,10 @@ def _draw_hand(axes: Axes, path: Path, draw_extra: DrawExtra | None) -> None:
     way: Array = model.hand_pose(path(np.linspace(0.0, 1.0, _SAMPLES)))[1]
     first, second = widest_columns(way, 2)
     columns = [first, second]
-    stops = np.zeros((0, 2))
+    stops = np.zeros((0, 3))
     if path.grid.via_segments:
-        stops = model.hand_pose(path.nodes[path.grid.via_nodes])[1][:, columns]
-    draw_plane_path(
-        axes, way[:, columns], stops, (f"hand {'xyz'[first]} [m]", f"hand {'xyz'[second]} [m]")
-    )
+        stops = model.hand_pose(path.nodes[path.grid.via_nodes])[1]
+    labels = f"hand {'xyz'[first]} [m]", f"hand {'xyz'[second]} [m]"
+    draw_plane_path(axes, way[:, columns], stops[:, columns], labels)
     if draw_extra is not None:
         draw_extra(axes, path, (first, second))

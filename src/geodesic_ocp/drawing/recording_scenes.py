@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
-from geodesic_ocp.drawing.analysis_figure import widest_columns, widest_of_thirds
+from geodesic_ocp.drawing.analysis_figure import errors_over_time, widest_columns, widest_of_thirds
 from geodesic_ocp.drawing.model_scene import (
     POSITIONS,
     hand_frames,
@@ -28,7 +28,7 @@ from geodesic_ocp.drawing.scene import Curve, Playback, Plot, PointCloud, Scene,
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import carried, mobility_ellipsoids
 from geodesic_ocp.model.look import Indices
-from geodesic_ocp.model.model import Model, hand_labels
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
@@ -128,20 +128,19 @@ def synergy_spans(synergies: Sequence[Synergy]) -> tuple[Span, ...]:
 def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
     model, motion, predicted = analysis.model, analysis.motion, analysis.predicted
     time = motion.time[shown]
-    joints: list[Curve] = []
-    hands: dict[str, list[Curve]] = {label: [] for label in hand_labels(model.hands)}
-    for method, name in analysis.on_same_segments().items():
-        role = _role(analysis, method)
-        q = analysis.predictions[method].q[shown]
-        error = np.mean(np.abs(q - motion.q[shown]), axis=1)
-        joints.append(Curve(name, time, error, role))
-        for label, hand in zip(hands, model.hands, strict=True):
-            ways = [model.frame_pose(hand, each)[1] for each in (q, motion.q[shown])]
-            distance = 1000.0 * np.linalg.norm(ways[0] - ways[1], axis=1)
-            hands[label].append(Curve(name, time, distance, role))
-    plots = [Plot("mean joint error [rad]", tuple(joints), _ERRORS)]
-    for label, errors in hands.items():
-        plots.append(Plot(f"{label} error [mm]", tuple(errors), _ERRORS))
+    roles = {name: _role(analysis, method) for method, name in analysis.on_same_segments().items()}
+    compared = {
+        name: analysis.predictions[method].q[shown]
+        for method, name in analysis.on_same_segments().items()
+    }
+    joints, hands = errors_over_time(model, motion.q[shown], compared)
+
+    def errors(label: str, values: Mapping[str, Array], scale: float = 1.0) -> Plot:
+        curves = (Curve(each, time, scale * values[each], roles[each]) for each in values)
+        return Plot(label, tuple(curves), _ERRORS)
+
+    plots = [errors("mean joint error [rad]", joints)]
+    plots += [errors(f"{label} error [mm]", each, 1000.0) for label, each in hands.items()]
     both: dict[str, tuple[Motion, Role]] = {
         "observed": (motion, "observed"),
         "predicted": (predicted, "predicted"),
