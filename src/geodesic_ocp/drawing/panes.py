@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.drawing.rendering import (
-    Moment,
     Part,
     Pixels,
     Single,
     Stroke,
     Visible,
+    at,
     darken,
     dashes_of,
     draw_disc,
@@ -135,19 +135,19 @@ class Pane:
         for trail, line in self.trails:
             past = np.ones(len(line.fraction), dtype=bool)
             if trail.dot is not None:
-                past = line.fraction <= when.of(length_fractions(trail.dot)[:, None])[0]
+                past = line.fraction <= at(length_fractions(trail.dot)[:, None], when)[0]
             colour = ROLES[trail.role]["color"]
             self._add_line(flat, closeness, line, colour, np.where(past, 1.0, _FUTURE))
             if trail.dot is not None:
-                at = when.of(trail.dot)[None]
-                self._add_discs(picture, at, 5.5, "white")
-                self._add_discs(picture, at, 4.0, colour)
+                dot = at(trail.dot, when)[None]
+                self._add_discs(picture, dot, 5.5, "white")
+                self._add_discs(picture, dot, 4.0, colour)
         for ends, colour in self._markings(when):
             line = stroke(ends, self.camera, 2.0 * self.scale)
             self._add_line(flat, closeness, line, colour)
         for cloud in self.scene.clouds:
             colour = SURROUNDINGS["marker"] if cloud.role is None else ROLES[cloud.role]["color"]
-            self._add_discs(picture, when.of(cloud.positions), 2.2, colour)
+            self._add_discs(picture, at(cloud.positions, when), 2.2, colour)
         return np.asarray(Image.fromarray(picture).reduce(SAMPLES))
 
     def _add_clear(
@@ -156,7 +156,7 @@ class Pane:
         closeness: Single,
         coloured: NDArray[np.bool_],
         parts: list[Part],
-        when: Moment,
+        when: float,
     ) -> None:
         """Lay surfaces over the picture, and outline overlays."""
         seen = visible(placed(parts, when), self.camera)
@@ -187,15 +187,15 @@ class Pane:
             if np.isfinite(place).all() and depth > 0.0:
                 draw_disc(picture, place, radius * self.scale, np.array(mixed(colour)))
 
-    def _markings(self, when: Moment) -> Iterable[tuple[Array, str]]:
+    def _markings(self, when: float) -> Iterable[tuple[Array, str]]:
         """Yield ends (2, 3) [m] and colours of the axes of frames, and of gaps."""
         for frame in self.scene.frames:
-            origin, axes = when.of(frame.positions), when.of(frame.rotations).T
+            origin, axes = at(frame.positions, when), at(frame.rotations, when).T
             for axis, name in zip(axes, "xyz", strict=True):
                 yield np.array([origin, origin + _AXIS * axis]), SURROUNDINGS[name]
         for gap in self.scene.gaps:
-            kind = "overlap" if when.of(gap.distances[:, None])[0] < 0.0 else "gap"
-            yield np.array([when.of(gap.starts), when.of(gap.ends)]), SURROUNDINGS[kind]
+            kind = "overlap" if at(gap.distances[:, None], when)[0] < 0.0 else "gap"
+            yield np.array([at(gap.starts, when), at(gap.ends, when)]), SURROUNDINGS[kind]
 
 
 def pane(
@@ -209,9 +209,7 @@ def pane(
     floor = floor_picture(camera.coarser(SAMPLES), middle, radius)
     backdrop = (255.0 * floor + 0.5).astype(np.uint8)
     backdrop = backdrop.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1)
-    surfaces = placed(
-        [each for each in parts if each.alpha == 1.0 and each.still], Moment(0, 0, 0.0)
-    )
+    surfaces = placed([each for each in parts if each.alpha == 1.0 and each.still], 0.0)
     still = visible(surfaces, camera), shade(surfaces, float(low[2]), camera)
     width = 2.4 * scale
     trails = tuple(

@@ -75,31 +75,17 @@ def smooth_surface(
     )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Moment:
-    """An instant between two samples of a scene."""
-
-    before: int
-    after: int
-    weight: float
-
-    def of(self, samples: Array) -> Array:
-        """Return the value of samples (k, ...) there; a single one is constant."""
-        if len(samples) == 1 or self.before == self.after:
-            sample: Array = samples[min(self.before, len(samples) - 1)]
-            return sample
-        between: Array = (1.0 - self.weight) * samples[self.before]
-        between += self.weight * samples[self.after]
-        return between
+def moment(time: Array, instant: float) -> float:
+    """Return where an instant is among samples at times (k,): from 0 to k - 1, between two."""
+    return float(np.interp(instant, time, np.arange(len(time))))
 
 
-def moment(time: Array, instant: float) -> Moment:
-    """Return the instant, or the end of the time (k,) that is nearest to it."""
-    after = int(np.clip(np.searchsorted(time, instant), 0, len(time) - 1))
-    if after == 0 or instant >= time[-1]:
-        return Moment(after, after, 0.0)
-    step = time[after] - time[after - 1]
-    return Moment(after - 1, after, float((instant - time[after - 1]) / step))
+def at(samples: Array, when: float) -> Array:
+    """Return the value of samples (k, ...) at a `moment`; a single one is constant."""
+    before = min(int(when), len(samples) - 1)
+    after = min(before + 1, len(samples) - 1)
+    value: Array = samples[before] + (when - int(when)) * (samples[after] - samples[before])
+    return value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -121,13 +107,13 @@ class Surfaces:
     coloured: NDArray[np.bool_]
 
 
-def placed(parts: Sequence[Part], when: Moment) -> Surfaces:
+def placed(parts: Sequence[Part], when: float) -> Surfaces:
     """Return parts where they are at a moment."""
     points, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
     triangles = [np.zeros((0, 3), dtype=np.int64)]
     for part in parts:
-        matrix = when.of(part.matrices)
-        points.append(part.vertices @ matrix.T + when.of(part.positions))
+        matrix = at(part.matrices, when)
+        points.append(part.vertices @ matrix.T + at(part.positions, when))
         # The matrix of cofactors turns normals, also where the surface is flattened.
         cofactors = np.cross(matrix[:, [1, 2, 0]].T, matrix[:, [2, 0, 1]].T)
         normals.append(part.normals @ cofactors)

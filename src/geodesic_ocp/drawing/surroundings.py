@@ -61,13 +61,10 @@ def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
 
 def upright(scene: Scene, up: Array) -> Scene:
     """Get the scene, turned by the smallest angle that makes the direction `up` (3,) that of z."""
-    sine, cosine = float(np.hypot(up[0], up[1])), float(up[2])
-    if sine == 0.0 and cosine > 0.0:
-        return scene
-    x, y = (up[1] / sine, -up[0] / sine) if sine > 0.0 else (1.0, 0.0)  # the axis, up x z
-    skew = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
-    turn = np.eye(3) + sine * skew + (1.0 - cosine) * skew @ skew  # Rodrigues' formula
-    return carried(scene, turn[None], np.zeros((1, 3)))
+    turn = turn_to(up).T
+    return (
+        scene if np.array_equal(turn, np.eye(3)) else carried(scene, turn[None], np.zeros((1, 3)))
+    )
 
 
 MOST = 8  # gaps in a scene; with more, none could be read
