@@ -27,14 +27,10 @@ _ROUGH = DIRECTIONS[::4]
 
 def plane_of(postures: Postures) -> Camera | None:
     """Get the view onto the plane of two axes in which everything moves; None if there is none."""
-    points = postures.joints.reshape(-1, 3)
-    extents = np.ptp(points, axis=0)
+    extents = np.ptp(postures.joints.reshape(-1, 3), axis=0)
     flat = extents <= _FLAT * extents.max()
-    if flat[2]:
-        return Camera.of_axes((0, 1))
-    if flat[0] or flat[1]:
-        return Camera.of_axes((1, 2)) if flat[0] else Camera.of_axes((0, 2))
-    return None
+    planes = {2: (0, 1), 0: (1, 2), 1: (0, 2)}  # by the axis along which nothing moves
+    return next((Camera.of_axes(plane) for axis, plane in planes.items() if flat[axis]), None)
 
 
 def best_view(

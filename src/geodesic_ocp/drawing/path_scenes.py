@@ -11,7 +11,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.model_scene import POSITIONS, joint_plots, model_scene, short_name
 from geodesic_ocp.drawing.motion_scenes import viewed_from
-from geodesic_ocp.drawing.path_figure import limits_reached
+from geodesic_ocp.drawing.path_figure import coordinate_names, limits_reached
 from geodesic_ocp.drawing.scene import (
     PARAMETER,
     Curve,
@@ -78,7 +78,7 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
                 outline = points[k] + circle @ axes[k][:, 1:].T
                 rings.append(Trail(UNIT_BALLS, outline, "neutral", layer=UNIT_BALLS))
     path = Trail("path", points, "observed", points, layer="path")
-    names = metric.joint_names or [f"q[{index}]" for index in range(metric.dim)]
+    names = coordinate_names(metric)
     axes_note = ", ".join(f"{axis}: {name}" for axis, name in zip("xyz", names, strict=False))
     if longest > 0.0 and size > 0.0:
         axes_note += f"; {UNIT_BALLS} drawn {size / longest:.3g} times their size"
@@ -141,11 +141,14 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     spans, plots = _between_via_points(path), (*_coordinates(path, shown, s, q), _speed(path, s, q))
     if shown is None:
         scene = coordinate_scene(path.metric, s, q)
-        via = np.pad(path.nodes[path.grid.via_nodes], ((0, 0), (0, 3 - path.metric.dim)))
+        via = _in_space(path.nodes[path.grid.via_nodes])
     else:
         scene = model_scene(shown, s, q, title=shown.name)
         scene = replace(scene, ellipsoids=mobility_ellipsoids(shown, q, path.metric))
-        via = _hands_at_via_points(path, shown)
+        nodes = path.nodes[path.grid.via_nodes]
+        hands = shown.hands if len(nodes) else ()
+        ways = [np.asarray(shown.frame_pose(hand, nodes)[1]) for hand in hands]
+        via = np.concatenate([np.zeros((0, 3)), *ways])
     if len(via):
         names = tuple(f"via point {number + 1}" for number in range(len(path.grid.via_nodes)))
         labels = names * (len(via) // len(names))
@@ -191,14 +194,6 @@ def _samples(path: Path) -> Array:
     return np.asarray(s[np.append(np.diff(s) > _SAME, True)])
 
 
-def _hands_at_via_points(path: Path, model: Model) -> Array:
-    """Return positions (m, 3) [m] of the hands at the via points, one hand after the other."""
-    nodes = path.nodes[path.grid.via_nodes]
-    if not len(nodes):
-        return np.zeros((0, 3))
-    return np.concatenate([np.asarray(model.frame_pose(hand, nodes)[1]) for hand in model.hands])
-
-
 def _between_via_points(path: Path) -> dict[str, tuple[Span, ...]]:
     edges = [0.0, *map(float, path.grid.via_s), 1.0]
     if len(edges) == 2:
@@ -210,8 +205,8 @@ def _between_via_points(path: Path) -> dict[str, tuple[Span, ...]]:
 
 def _coordinates(path: Path, model: Model | None, s: Array, q: Array) -> tuple[Plot, ...]:
     if model is None:
-        names = path.metric.joint_names or [f"q[{index}]" for index in range(path.metric.dim)]
-        curves = (Curve(name, s, column) for name, column in zip(names, q.T, strict=True))
+        pairs = zip(coordinate_names(path.metric), q.T, strict=True)
+        curves = (Curve(name, s, column) for name, column in pairs)
         return (Plot("coordinates q", tuple(curves)),)
     reached = dict(
         zip(map(short_name, model.joint_names), limits_reached(path, model), strict=True)

@@ -38,7 +38,7 @@ class Bar {
   constructor(viewer, data) {
     [this.viewer, this.data] = [viewer, data];
     const [start, stop] = data.range;
-    this.play = button("play", icon("play"), () => (viewer.playing ? viewer.pause() : viewer.play()));
+    this.play = button("play", icon("play"), () => viewer.toggle());
     this.play.classList.add("playback-play");
     this.speed = made("select", { "aria-label": "speed" });
     for (const speed of SPEEDS) this.speed.append(made("option", { value: speed }, `${speed}×`));
@@ -65,9 +65,13 @@ class Bar {
     new ResizeObserver(() => this.fitNames()).observe(this.element);
   }
 
-  row(name, spans) {
+  // Where a time is on the track.
+  share(time) {
     const [start, stop] = this.data.range;
-    const share = (time) => `${(100 * (time - start)) / (stop - start)}%`;
+    return `${(100 * (time - start)) / (stop - start)}%`;
+  }
+
+  row(name, spans) {
     const current = made("b");
     const label = made("div", { class: "playback-row" }, made("span", { title: name }, name), current);
     const cursor = made("i");
@@ -76,8 +80,8 @@ class Bar {
     const pieces = spans.map(([span, from, to, text]) => {
       const piece = button(text || span, made("span", {}, span), () => this.viewer.seek(from));
       piece.tabIndex = -1; // the keyboard has shift and arrows
-      piece.style.left = share(from);
-      piece.style.width = `calc(${share(to)} - ${share(from)})`;
+      piece.style.left = this.share(from);
+      piece.style.width = `calc(${this.share(to)} - ${this.share(from)})`;
       line.append(piece);
       return piece;
     });
@@ -102,14 +106,13 @@ class Bar {
   }
 
   show(time) {
-    const [start, stop] = this.data.range;
     this.clock.textContent = this.text(time);
     this.slider.value = time;
-    this.slider.style.setProperty("--done", `${(100 * (time - start)) / (stop - start)}%`);
+    this.slider.style.setProperty("--done", this.share(time));
     const names = [];
     for (const { spans, current, cursor, pieces } of this.rows) {
       const now = spanAt(spans, time);
-      cursor.style.left = `${(100 * (time - start)) / (stop - start)}%`;
+      cursor.style.left = this.share(time);
       pieces.forEach((piece, index) => piece.classList.toggle("playback-now", index === now));
       const text = now < 0 ? "–" : spans[now][3] || spans[now][0];
       if (current.textContent !== text) current.textContent = text;

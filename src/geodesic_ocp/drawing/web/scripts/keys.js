@@ -45,7 +45,7 @@ function press(viewer, event) {
     "?": () => viewer.help.showModal(),
   };
   const times = {
-    " ": () => (viewer.playing ? viewer.pause() : viewer.play()),
+    " ": () => viewer.toggle(),
     ArrowLeft: () => (event.shiftKey ? next(viewer, starts(), -1) : viewer.seek(viewer.time - step)),
     ArrowRight: () => (event.shiftKey ? next(viewer, starts(), 1) : viewer.seek(viewer.time + step)),
     ",": () => next(viewer, samples(), -1),

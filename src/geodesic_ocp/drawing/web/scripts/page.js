@@ -165,6 +165,11 @@ class PlaybackViewer {
     this.bar?.showState();
   }
 
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
   setLayer(name, on) {
     if (!(name in this.layers)) return;
     this.layers[name] = Boolean(on);
