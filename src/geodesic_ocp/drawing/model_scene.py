@@ -177,6 +177,23 @@ def hand_trails(
     return tuple(trails)
 
 
+def overlaid(
+    scene: Scene, model: Model, q: Array, name: str, role: Role, *, layer: str = "hand path"
+) -> Scene:
+    """Return the scene with a second motion of its model as an overlay, in a layer of its name.
+
+    Args:
+        scene: scene of the model.
+        model, q: see `model_scene`.
+        name: of the overlay, follows those of the hands.
+        role: role whose colour it has.
+        layer: name of the switch that shows the paths of its hands.
+    """
+    actor = model_actor(model, q, name=name, role=role, translucent=True, layer=name)
+    trails = hand_trails(model, q, role, name=name, layer=layer)
+    return replace(scene, actors=(*scene.actors, actor), trails=(*scene.trails, *trails))
+
+
 def hand_frames(model: Model, q: Array) -> tuple[FrameTrack, ...]:
     """Return the frames of all hands."""
     return tuple(FrameTrack(hand, *model.frame_pose(hand, q)) for hand in model.hands)

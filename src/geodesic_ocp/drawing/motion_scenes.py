@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.actors import is_drawn_by, model_actor
+from geodesic_ocp.drawing.actors import is_drawn_by
 from geodesic_ocp.drawing.model_scene import (
     HAND_SPEED,
     POSITIONS,
     TORQUES,
     VELOCITIES,
     hand_speed_plots,
-    hand_trails,
     joint_plots,
     model_scene,
+    overlaid,
     shown_samples,
 )
 from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span, beside
@@ -377,11 +377,7 @@ def replay_playback(replay: Replay) -> Playback:
     (scene,) = playback.scenes
     shown, _ = shown_samples(replay.motion.time)
     time, wanted = replay.motion.time[shown], replay.reference.positions[shown]
-    overlay = model_actor(
-        model, wanted, name="trajectory", role="predicted", translucent=True, layer="trajectory"
-    )
-    trails = hand_trails(model, wanted, "predicted", name="trajectory", layer="trajectory")
-    scene = replace(scene, actors=(*scene.actors, overlay), trails=(*scene.trails, *trails))
+    scene = overlaid(scene, model, wanted, "trajectory", "predicted", layer="trajectory")
     distance = Curve("hand", time, 1000.0 * replay.position_error[shown])
     plots = (
         *joint_plots(model, time, replay.error[shown], _ERRORS),

@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
+from geodesic_ocp.drawing.actors import model_actor, rest_of_person
 from geodesic_ocp.drawing.analysis_figure import errors_over_time, widest_columns, widest_of_thirds
 from geodesic_ocp.drawing.model_scene import (
     POSITIONS,
@@ -19,6 +19,7 @@ from geodesic_ocp.drawing.model_scene import (
     joint_groups,
     joint_plots,
     model_scene,
+    overlaid,
     short_name,
     shown_samples,
 )
@@ -56,35 +57,22 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     shown, note = shown_samples(motion.time)
     labels = analysis.labels()
     others = [name for name in labels if name != _NAME and name not in analysis.not_found]
-    predictions = {name: analysis.predictions[name].q[shown] for name in (_NAME, *others)}
-    observed, predicted = motion.q[shown], predictions[_NAME]
-    actors = [
-        model_actor(model, observed, name="observed", role="observed"),
-        *rest_of_person(model),
-        _overlay(model, predicted, "predicted", "predicted"),
-    ]
-    trails = [
-        *hand_trails(model, observed, "observed", name="observed"),
-        *hand_trails(model, predicted, "predicted", name="predicted"),
-    ]
-    for name in others:
-        label, role = labels[name], _role(analysis, name)
-        actors.append(_overlay(model, predictions[name], label, role))
-        trails += [
-            replace(trail, name=label)  # as its layer
-            for trail in hand_trails(model, predictions[name], role, layer=label)
-        ]
+    observed = motion.q[shown]
     metric = f"synergies: {analysis.metric_name}".replace("^2", "²")
     scene = Scene(
         model.name,
         motion.time[shown],
-        tuple(actors),
-        tuple(trails),
+        (model_actor(model, observed, name="observed", role="observed"), *rest_of_person(model)),
+        hand_trails(model, observed, "observed", name="observed"),
         frames=hand_frames(model, observed),
         ellipsoids=mobility_ellipsoids(model, observed, analysis.metric),
         clouds=_cuts(analysis),
         note="; ".join(filter(None, (metric, note))),
     )
+    scene = overlaid(scene, model, analysis.predicted.q[shown], "predicted", "predicted")
+    for name in others:
+        q, role = analysis.predictions[name].q[shown], _role(analysis, name)
+        scene = overlaid(scene, model, q, labels[name], role, layer=labels[name])
     return Playback(
         title or f"{model.name}, {len(analysis.synergies)} geodesic synergies",
         (scene,),
@@ -93,10 +81,6 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         azimuth=viewed_from(model),
         hidden=(*Playback.hidden, *(labels[name] for name in others)),
     )
-
-
-def _overlay(model: Model, q: Array, name: str, role: Role) -> Actor:
-    return model_actor(model, q, name=name, role=role, translucent=True, layer=name)
 
 
 def _role(analysis: Analysis, method: str) -> Role:
@@ -324,12 +308,8 @@ def saved_synergies_playback(
     q = of_joints(predicted, model)(chosen.time[shown].clip(*predicted.time[[0, -1]]))
     scene = whole.scenes[0]
     own, *rest = scene.actors
-    overlay = _overlay(model, q, _PREDICTED, _PREDICTED)
-    scene = replace(
-        scene,
-        actors=(replace(own, name="observed", role="observed"), overlay, *rest),
-        trails=(*scene.trails, *hand_trails(model, q, _PREDICTED, name=_PREDICTED)),
-    )
+    scene = replace(scene, actors=(replace(own, name="observed", role="observed"), *rest))
+    scene = overlaid(scene, model, q, _PREDICTED, _PREDICTED)
     both: dict[str, tuple[Motion, Role]] = {
         "observed": (chosen, "observed"),
         _PREDICTED: (of_joints(predicted, model), _PREDICTED),
