@@ -14,7 +14,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class KeyPoses(go.MotionProblem):
-    """From rest to rest, with the hand at given places at given times and the forearm off a ball."""
+    """From rest to rest, with the hand at given places at given times past a ball."""
 
     arm: go.Model = field(default_factory=go.human_arm)
     duration: float = 1.4  # [s]

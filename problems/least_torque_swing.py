@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
+from swing import hanging_arm
 
 import geodesic_ocp as go
-from swing import hanging_arm
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,11 @@ LAYERS = [
     ("model.formats",),
     ("manifold",),
     ("trajectory",),
-    ("figures",),
+    (
+        *("drawing.camera", "drawing.styles", "drawing.raster", "drawing.actors"),
+        *("drawing.arm_shapes", "drawing.best_view", "drawing.arm_strip"),
+        *("drawing.analysis_figure", "drawing.path_figure", "drawing.study_figures"),
+    ),
     ("ocp",),
     ("logarithm",),
     ("recordings",),
@@ -29,10 +33,9 @@ LAYERS = [
     ("fitting",),
     ("studies",),
     ("execution",),
-    ("retargeting",),
+    ("retargeting", "drawing.retargeting_strips"),
     ("validation",),
-    ("scenes",),
-    ("viewer",),
+    ("drawing",),
     ("cli",),
 ]
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}

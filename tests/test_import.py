@@ -72,6 +72,12 @@ def test_names_of_the_version_before_warn(old: str, new: str) -> None:
     assert caught[0].filename == __file__
 
 
+@pytest.mark.parametrize("old", ["figures", "viewer"])
+def test_namespaces_that_became_one_warn(old: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"{old} is now geodesic_ocp.drawing"):
+        assert getattr(go, old) is go.drawing
+
+
 def test_unknown_names_are_attribute_errors() -> None:
     with pytest.raises(AttributeError, match="module 'geodesic_ocp' has no attribute 'geodesik'"):
         _ = go.geodesik

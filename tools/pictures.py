@@ -25,9 +25,9 @@ from matplotlib.figure import Figure
 from scipy.stats import gmean
 
 import geodesic_ocp as go
-from geodesic_ocp.figures.styles import new_figure
-from geodesic_ocp.scenes.playback_of import playback_of
-from geodesic_ocp.viewer.save_video import save_video
+from geodesic_ocp.drawing.playback_of import playback_of
+from geodesic_ocp.drawing.save_video import save_video
+from geodesic_ocp.drawing.styles import new_figure
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 NEAR_MISSES = 0.04  # [m and rad]

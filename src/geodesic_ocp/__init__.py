@@ -16,7 +16,9 @@ _RENAMED = {
     "clearance_constraint": "keep_clear",
     "collision_pairs": "link_pairs",
     "evaluate": "motion_errors",
+    "figures": "drawing",
     "fit_motion": "fit_markers",
+    "viewer": "drawing",
 }
 
 
@@ -29,11 +31,12 @@ def __getattr__(name):
     if not name.startswith("_"):
         now = _RENAMED.get(name, name)
         folders = [stub.parent.name for stub in _Path(__file__).parent.glob("*/__init__.pyi")]
-        for place in ["baselines", "distances", *folders]:
-            if now in _find(place).__all__:
-                text = f"{__name__}.{name} is now {__name__}.{place}.{now}"
+        for place in ["", "baselines.", "distances.", *(f"{folder}." for folder in folders)]:
+            module = _find(place[:-1]) if place else _import_module(__name__)
+            if now in module.__all__:
+                text = f"{__name__}.{name} is now {__name__}.{place}{now}"
                 _import_module("warnings").warn(text, DeprecationWarning, stacklevel=2)
-                return getattr(_find(place), now)
+                return getattr(module, now)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -1,5 +1,5 @@
+from . import drawing as drawing
 from . import execution as execution
-from . import figures as figures
 from . import fitting as fitting
 from . import logarithm as logarithm
 from . import manifold as manifold
@@ -10,7 +10,7 @@ from . import retargeting as retargeting
 from . import studies as studies
 from . import synergies as synergies
 from . import trajectory as trajectory
-from . import viewer as viewer
+from .drawing.viewer import show as show
 from .errors import GeodesicOcpError as GeodesicOcpError
 from .errors import IntegrationFailed as IntegrationFailed
 from .errors import NotConverged as NotConverged
@@ -67,6 +67,5 @@ from .trajectory.joint_trajectory import JointTrajectory as JointTrajectory
 from .trajectory.motion import Motion as Motion
 from .trajectory.path import Path as Path
 from .trajectory.read_trajectory import read_trajectory as read_trajectory
-from .viewer.viewer import show as show
 
 __version__: str

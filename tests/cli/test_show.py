@@ -15,9 +15,9 @@ from small_retargeting import small_analysis, small_retargeting
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli import show as show_command
+from geodesic_ocp.drawing.scene import Playback
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.meshes import meshes
-from geodesic_ocp.scenes.scene import Playback
 from geodesic_ocp.synergies.synergy import read_saved_synergies
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,14 +12,14 @@ from studies.study_rows import drawn, rows_of, study_of_rows, written
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.main import main
-from geodesic_ocp.figures.study_figures import (
+from geodesic_ocp.drawing.study_figures import (
     StudyGroup,
     draw_distributions,
     draw_groups,
     draw_trend,
     fit_scale,
 )
-from geodesic_ocp.figures.styles import new_figure
+from geodesic_ocp.drawing.styles import new_figure
 from geodesic_ocp.studies.study import StudyResult, study
 
 TABLES = ("means", "tests", "synergy_statistics")

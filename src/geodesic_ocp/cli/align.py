@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import textwrap
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from geodesic_ocp.cli.terminal import print_written, printed_warnings
+from geodesic_ocp.drawing.alignments import alignment_figure
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure, alignment_table
-from geodesic_ocp.retargeting.arm_alignment import known_alignment, proposal, read_alignment
-from geodesic_ocp.tables import text
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.retargeting.arm_alignment import (
+    Alignment,
+    known_alignment,
+    proposal,
+    read_alignment,
+)
+from geodesic_ocp.retargeting.landmarks import axis_name
+from geodesic_ocp.tables import new_table, text
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _WIDTH = 100
 _SUFFIX = ".json"
@@ -52,7 +65,7 @@ def align(
     else:
         aligned, notes = proposal(model, side)
         source = "taken from the kinematics, assuming that"
-    print(f"{text(alignment_table(model, aligned))}\n\n{source}")
+    print(f"{text(_table(model, aligned))}\n\n{source}")
     for note in notes:
         print(textwrap.fill(note, _WIDTH, initial_indent="- ", subsequent_indent="  "))
     if out is None:
@@ -64,3 +77,23 @@ def align(
     figure.savefig(out.with_suffix(".png"), dpi=150)
     print()
     print_written([out, out.with_suffix(".png")])
+
+
+def _table(robot: Model, aligned: Alignment) -> DataFrame:
+    """Return shoulder, axes, length, side, elbow and wrist of an alignment, in words."""
+    base, hand = np.asarray(aligned.base), np.asarray(aligned.hand)
+    across = {"right": "back of the hand", "left": "palm"}.get(aligned.side or "", "hand's right")
+    position = ", ".join(f"{entry:.3f}" for entry in np.asarray(aligned.shoulder) + 0.0)
+    rows = (
+        ("shoulder", f"at ({position}) m in the base frame"),
+        ("person's right", axis_name(base[:, 0], "the base")),
+        ("person's forward", axis_name(base[:, 1], "the base")),
+        ("person's up", axis_name(base[:, 2], "the base")),
+        ("fingers", axis_name(hand[2], robot.hand)),
+        (across, axis_name(hand[0], robot.hand)),
+        ("length", f"{aligned.length:.3f} m from the shoulder to the hand"),
+        ("side", aligned.side or "either"),
+        ("elbow", aligned.elbow or "not known"),
+        ("wrist", aligned.wrist or "not known"),
+    )
+    return new_table(("alignment", robot.name), rows)

@@ -14,8 +14,8 @@ from cyclopts import Parameter as Option
 
 from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, progress
+from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric

@@ -14,6 +14,21 @@ from geodesic_ocp.cli.kinds import Kind, file_kind, folder_files
 from geodesic_ocp.cli.options import Sides, each_side
 from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.cli.terminal import printed_warnings, progress
+from geodesic_ocp.drawing.alignments import alignment_playback
+from geodesic_ocp.drawing.motion_scenes import (
+    model_playback,
+    motion_playback,
+    robots_playback,
+    trajectory_playback,
+)
+from geodesic_ocp.drawing.path_scenes import solution_playback
+from geodesic_ocp.drawing.playback_of import playback_of
+from geodesic_ocp.drawing.recording_scenes import (
+    analysis_playback,
+    marker_fit_playback,
+    saved_synergies_playback,
+)
+from geodesic_ocp.drawing.scene import Playback
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, trunk
 from geodesic_ocp.model.combine import combine
@@ -29,21 +44,6 @@ from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.arm_alignment import check_joints, read_alignment
-from geodesic_ocp.scenes.alignment_scene import alignment_playback
-from geodesic_ocp.scenes.motions import (
-    model_playback,
-    motion_playback,
-    robots_playback,
-    trajectory_playback,
-)
-from geodesic_ocp.scenes.paths import solution_playback
-from geodesic_ocp.scenes.playback_of import playback_of
-from geodesic_ocp.scenes.recorded import (
-    analysis_playback,
-    marker_fit_playback,
-    saved_synergies_playback,
-)
-from geodesic_ocp.scenes.scene import Playback
 from geodesic_ocp.studies.analyse_recording import analyse_recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import SYNERGIES

@@ -25,6 +25,7 @@ from geodesic_ocp.cli.terminal import (
     require_pages,
     why_no_pages,
 )
+from geodesic_ocp.drawing.viewer import report as write_report
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignment
@@ -34,7 +35,6 @@ from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import text
-from geodesic_ocp.viewer.report import report as write_report
 
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed

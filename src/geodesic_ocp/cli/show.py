@@ -14,10 +14,9 @@ from cyclopts import Parameter
 from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides
 from geodesic_ocp.cli.playbacks import Shown
 from geodesic_ocp.cli.terminal import check_folder, progress, require_pages
+from geodesic_ocp.drawing.scene import Playback, beside
+from geodesic_ocp.drawing.viewer import PAGES, PICTURES, Viewer
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
-from geodesic_ocp.scenes.beside import beside
-from geodesic_ocp.scenes.scene import Playback
-from geodesic_ocp.viewer.viewer import PAGES, PICTURES, Viewer
 
 _SUFFIXES = (PAGES[0], *PICTURES)
 _PICTURE = ".png"

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.drawing.analysis_figure import draw_replay
 from geodesic_ocp.execution.check_trajectory import of_joints
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.simulation import (
@@ -21,7 +22,6 @@ from geodesic_ocp.execution.simulation import (
     simulate,
     simulated_robot,
 )
-from geodesic_ocp.figures.analysis_figure import draw_replay
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.tables import markdown, new_table

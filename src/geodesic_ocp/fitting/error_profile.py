@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.drawing.styles import OBSERVED, new_figure
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.figures.styles import OBSERVED, new_figure
 from geodesic_ocp.fitting.metric_fit import MetricFit
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.tables import new_table

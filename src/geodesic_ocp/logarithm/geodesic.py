@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.drawing.path_figure import draw_path
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.figures.path_figure import draw_path
 from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.logarithm.log import find_geodesics
 from geodesic_ocp.manifold.exp import exp, sample_geodesic

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import casadi as ca
 
-from geodesic_ocp.figures.path_figure import draw_path
+from geodesic_ocp.drawing.path_figure import draw_path
 from geodesic_ocp.ipopt import Relay
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problem import Problem

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, is_symbolic, real_array
-from geodesic_ocp.figures.obstacles import draw_obstacle
+from geodesic_ocp.drawing.arm_shapes import draw_obstacle
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle
 from geodesic_ocp.ocp.conditions import Condition, Conditions

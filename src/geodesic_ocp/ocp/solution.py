@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.path_figure import draw_path
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.figures.path_figure import draw_path
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model

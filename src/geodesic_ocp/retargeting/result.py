@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_ocp.arrays import Array, rotation_vector
+from geodesic_ocp.drawing.analysis_figure import draw_overview, widest_of_thirds
+from geodesic_ocp.drawing.retargeting_strips import retargeting_strips
+from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.motion_measures import measures_table
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
-from geodesic_ocp.figures.analysis_figure import draw_overview, widest_of_thirds
-from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import (
     NEAR_MISS,
@@ -26,7 +27,6 @@ from geodesic_ocp.retargeting.arm_result import (
     RetargetedArm,
     compare_under_equal_limits,
 )
-from geodesic_ocp.retargeting.retargeting_strips import retargeting_strips
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.synergies.synergy import Synergy, save_synergies

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.styles import COMPARED, line_styles, new_figure, save_figure
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.figures.styles import COMPARED, line_styles, new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.metrics import USUAL_METRICS, as_analysis_metric
 from geodesic_ocp.model.model import Model, as_model

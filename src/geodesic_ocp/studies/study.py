@@ -15,8 +15,7 @@ import numpy as np
 import scipy
 
 from geodesic_ocp.arrays import Array, as_number
-from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.figures.study_figures import (
+from geodesic_ocp.drawing.study_figures import (
     Means,
     differences_figure,
     durations_figure,
@@ -24,7 +23,8 @@ from geodesic_ocp.figures.study_figures import (
     paper_style,
     synergies_figure,
 )
-from geodesic_ocp.figures.styles import save_figure
+from geodesic_ocp.drawing.styles import save_figure
+from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.paired_test import holm, paired_test, rank_biserial

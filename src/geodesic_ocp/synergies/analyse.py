@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.analysis_figure import INSTANTS, draw_analysis, errors_over_time
+from geodesic_ocp.drawing.arm_shapes import Postures
+from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
+from geodesic_ocp.drawing.best_view import across, best_view
+from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
-from geodesic_ocp.figures.arm_shapes import Postures
-from geodesic_ocp.figures.arm_strip import StripArm, strip_instants
-from geodesic_ocp.figures.best_view import across, best_view
-from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
     JOINT_INERTIA,
@@ -183,17 +182,14 @@ class Analysis:
         """
         model, motion = self.model, self.motion
         labels = hand_labels(model.hands)
-        joints: dict[str, Array] = {}
-        distances: dict[str, dict[str, Array]] = {label: {} for label in labels}
-        ways: dict[str, tuple[Array, Array]] = {}
-        for method, name in self.on_same_segments().items():
-            q = self.predictions[method].q
-            joints[name] = np.mean(np.abs(q - motion.q), axis=1)
-            for label, hand in zip(labels, model.hands, strict=True):
-                seen, way = (model.frame_pose(hand, each)[1] for each in (motion.q, q))
-                distances[label][name] = np.linalg.norm(way - seen, axis=1)
-                if method == "riemannian":
-                    ways[label] = seen, way
+        methods = self.on_same_segments()
+        compared = {name: self.predictions[method].q for method, name in methods.items()}
+        joints, distances = errors_over_time(model, motion.q, compared)
+        seen, predicted = motion.q, self.predicted.q
+        ways = {
+            label: (model.frame_pose(hand, seen)[1], model.frame_pose(hand, predicted)[1])
+            for label, hand in zip(labels, model.hands, strict=True)
+        }
         several = len(labels) > 1
         # Both arms stretched out are twice as wide as one.
         instants = strip_instants(self.segments, INSTANTS // 2 + 1 if several else INSTANTS)
@@ -202,7 +198,7 @@ class Analysis:
             StripArm(Postures.of(model, motion.q[instants]), "observed", "observed"),
             StripArm(Postures.of(model, self.predicted.q[instants]), "predicted", name, False),
         )
-        view = best_view(arms[0].postures, np.concatenate([seen for seen, _ in ways.values()]))
+        view = best_view(arms[0].postures, np.concatenate([way for way, _ in ways.values()]))
         figure = new_figure(10.0, 12.0 if several else 9.6)
         draw_analysis(
             figure,

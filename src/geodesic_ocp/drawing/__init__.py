@@ -1,0 +1,5 @@
+"""Figures, scenes, pages for browsers and notebooks, and videos: all that draws."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

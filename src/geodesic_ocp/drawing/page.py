@@ -1,0 +1,317 @@
+"""A self-contained HTML document around one or more playbacks."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.actors import Actor
+from geodesic_ocp.drawing.camera import first_view
+from geodesic_ocp.drawing.panes import TINT
+from geodesic_ocp.drawing.plots import draw_plot
+from geodesic_ocp.drawing.rendering import smooth_surface
+from geodesic_ocp.drawing.scene import PARAMETER, Playback, Plot, Scene, Trail, plain_text
+from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed
+from geodesic_ocp.model.look import Mesh
+
+_SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "keys.js", "plots.js", "page.js")
+# Whatever the body says, the page loads nothing from anywhere, and runs its own scripts alone.
+_POLICY = (
+    "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data: blob:; "
+    "style-src 'unsafe-inline'; script-src"
+)
+
+
+def document(title: str, body: str) -> str:
+    """Return a complete page with a stylesheet and the scripts that `fragment`s in its body need.
+
+    Browsers run no other scripts in it, those of the body included.
+
+    Args:
+        title: title of the page, as plain text; it is escaped. The body has its own heading.
+        body: HTML, such as `f"<h1>{html.escape(title)}</h1>{fragment(playback)}"`.
+
+    Raises:
+        ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
+    """
+    folder = files("geodesic_ocp.drawing") / "web"
+    style = (folder / "page.css").read_text(encoding="utf-8")
+    own = "\n".join((folder / "scripts" / name).read_text(encoding="utf-8") for name in _SCRIPTS)
+    scripts = _library(), f'\n(function () {{\n"use strict";\n{own}}})();\n'
+    policy = " ".join([_POLICY, *map(_source, scripts)])
+    programs = "\n".join(f"<script>{script}</script>" for script in scripts)
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<title>{html.escape(plain_text(title))}</title>
+<style>
+{style}</style>
+</head>
+<body>
+{body}
+{programs}
+</body>
+</html>
+"""
+
+
+def _source(script: str) -> str:
+    """Return a script, as a policy names it, https://www.w3.org/TR/CSP3/."""
+    digest = hashlib.sha256(script.encode()).digest()
+    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+
+
+def _library() -> str:
+    """Return meshcat's JavaScript with the licences of what it contains."""
+    found = find_spec("meshcat")  # importing it would import its web server
+    if found is None or found.origin is None:
+        raise ImportError("the viewer needs meshcat: pip install 'geodesic_ocp[viewer]'")
+    folder = Path(found.origin).parent / "viewer"
+    names = ("LICENSE", "dist/main.min.js.LICENSE.txt", "dist/main.min.js")
+    licence, others, script = ((folder / name).read_text(encoding="utf-8") for name in names)
+    return f"\n/*!\nMeshcat\n{licence}*/\n{others}\n{script}\n"
+
+
+_STEPS = 32767  # on either side of the middle, in 16 bits
+_UNKNOWN = -32768
+
+
+def packed(values: ArrayLike) -> dict[str, Any]:
+    """Return columns of (..., n) numbers, each in 65535 steps between its extremes; NaN stays NaN.
+
+    A motion within 2 m is stored to 0.02 mm.
+    """
+    array = np.asarray(values, dtype=float)
+    rows = array.reshape(-1, array.shape[-1])
+    known = np.isfinite(rows)
+    # Columns without a known number are all zero.
+    least = np.where(known, rows, np.inf).min(axis=0, initial=np.inf)
+    most = np.where(known, rows, -np.inf).max(axis=0, initial=-np.inf)
+    least, most = (np.where(np.isfinite(extreme), extreme, 0.0) for extreme in (least, most))
+    middle, step = (least + most) / 2.0, (most - least) / (2.0 * _STEPS)
+    scaled = np.rint((np.where(known, rows, middle) - middle) / np.where(step > 0.0, step, 1.0))
+    codes = np.where(known, scaled, _UNKNOWN).astype("<i2")
+    return {"middle": middle.tolist(), "step": step.tolist(), "data": encoded(codes)}
+
+
+def encoded(array: NDArray[Any]) -> str:
+    """Return the bytes of an array in base64."""
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
+
+
+_FINEST, _FEWEST, _MOST = 0.004, 8, 900  # [m] between points of a drawn trail, and their number
+
+Shapes = dict[tuple[bytes, bytes], int]  # numbers of the meshes that were met so far
+
+
+def described(playback: Playback) -> dict[str, Any]:
+    """Return everything that is drawn in three dimensions, and the spans; see scripts/page.js."""
+    shapes: Shapes = {}
+    bodies: list[dict[str, Any]] = []
+    scenes = [_scene(scene, shapes, bodies) for scene in playback.scenes]
+    data = {
+        "range": playback.range,
+        "parameter": playback.time_label == PARAMETER,
+        "axes": first_view(playback.azimuth, playback.elevation).axes.tolist(),
+        "layers": [[layer, layer not in playback.hidden] for layer in playback.layers],
+        "spans": [
+            [name, [[span.name, span.start, span.stop, span.text] for span in spans]]
+            for name, spans in playback.spans.items()
+        ],
+        "roles": {role: _look(role, style) for role, style in ROLES.items()},
+        "colours": SURROUNDINGS,
+        "bodies": bodies,
+        "scenes": scenes,
+    }
+    return {name: _plain(value) for name, value in data.items()}
+
+
+def _plain(data: Any) -> Any:
+    """Return the same with all texts, most of which are names from files, as `plain_text`."""
+    if isinstance(data, str):
+        return plain_text(data)
+    if isinstance(data, dict):
+        return {name: _plain(value) for name, value in data.items()}
+    return [_plain(value) for value in data] if isinstance(data, list | tuple) else data
+
+
+def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:
+    """Return colours of lines and bodies, and lengths of dash and gap in widths of the line."""
+    line = style.get("linestyle")
+    body = [round(each, 4) for each in mixed(style["color"], TINT)]
+    return {"colour": style["color"], "body": body, "dash": line[1] if line else None}
+
+
+def _scene(scene: Scene, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[str, Any]:
+    def listed(items: Iterable[Any], describe: Callable[[Any], dict[str, Any]]) -> list[Any]:
+        return [{"name": each.name, "layer": each.layer, **describe(each)} for each in items]
+
+    return {
+        "time": encoded(np.asarray(scene.time, dtype="<f8")),
+        "extremes": packed(replace(scene, ellipsoids=()).points()),  # hidden at first
+        "actors": listed(scene.actors, lambda each: _actor(each, shapes, bodies)),
+        "trails": listed(scene.trails, _trail),
+        "solids": listed(
+            scene.solids,
+            lambda each: {
+                "unbounded": each.unbounded,
+                "body": _body(each.vertices, each.triangles, shapes, bodies),
+            },
+        ),
+        "frames": listed(scene.frames, lambda each: _poses(each.rotations, each.positions)),
+        "ellipsoids": listed(
+            scene.ellipsoids,
+            lambda each: {
+                "positions": packed(each.centres),
+                "axes": packed(each.axes.transpose(0, 2, 1).reshape(-1, 9)),
+            },
+        ),
+        "gaps": listed(
+            scene.gaps,
+            lambda each: {
+                "ends": packed(np.concatenate([each.starts, each.ends], axis=1)),
+                "distances": packed(each.distances[:, None]),
+            },
+        ),
+        "clouds": listed(
+            scene.clouds,
+            lambda each: {
+                **{"labels": each.labels, "role": each.role},
+                "positions": packed(each.positions.reshape(len(each.positions), -1)),
+            },
+        ),
+    }
+
+
+def _actor(actor: Actor, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[str, Any]:
+    def part(mesh: Mesh) -> dict[str, Any]:
+        body = _body(mesh.vertices, mesh.triangles, shapes, bodies)
+        return {"body": body, "colour": [round(float(each), 4) for each in mesh.colour]}
+
+    links = {
+        link: {
+            "name": link,
+            **_poses(actor.rotations[link], actor.positions[link]),
+            "parts": [part(mesh) for mesh in actor.meshes if mesh.link == link],
+        }
+        for link in dict.fromkeys(mesh.link for mesh in actor.meshes)
+    }
+    return {"role": actor.role, "translucent": actor.translucent, "links": list(links.values())}
+
+
+def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str, Any]]) -> int:
+    """Return number of a body, which is stored once however often it is shown.
+
+    Its faces share vertices where it looks smooth.
+    """
+    corners = np.asarray(triangles, dtype=np.int64)
+    key = (np.asarray(vertices, dtype=float).tobytes(), corners.tobytes())
+    if key not in shapes:
+        shapes[key] = len(bodies)
+        points, _, faces = smooth_surface(np.asarray(vertices), np.asarray(triangles), len(corners))
+        corners = np.ascontiguousarray(faces, dtype="<u4" if len(points) > 2**16 else "<u2")
+        bodies.append(
+            {
+                "vertices": packed(points),
+                "triangles": encoded(corners),
+                "bits": 8 * corners.itemsize,
+            }
+        )
+    return shapes[key]
+
+
+def _poses(rotations: Array, positions: Array) -> dict[str, Any]:
+    """Return positions, and unit quaternions (x, y, z, w) whose signs do not jump."""
+    turns = Rotation.from_matrix(rotations).as_quat()
+    flips = np.where(np.sum(turns[1:] * turns[:-1], axis=1) < 0.0, -1.0, 1.0)
+    turns[1:] *= np.cumprod(flips)[:, None]
+    return {"positions": packed(positions), "turns": packed(turns)}
+
+
+def _trail(trail: Trail) -> dict[str, Any]:
+    return {
+        "role": trail.role,
+        "points": packed(_even(trail.points)),
+        "dot": None if trail.dot is None else packed(trail.dot),
+    }
+
+
+def _even(points: Array) -> Array:
+    """Return points at even distances along a line, which rests and detours do not crowd."""
+    known = points[np.isfinite(points).all(axis=1)]
+    if len(known) < 2:
+        return known
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(known, axis=0), axis=1)))
+    count = int(np.clip(length[-1] / _FINEST, _FEWEST, _MOST))
+    at = np.linspace(0.0, length[-1], count)
+    return np.column_stack([np.interp(at, length, column) for column in known.T])
+
+
+def fragment(playback: Playback) -> str:
+    """Return HTML of panes, playback bar and plots, to be put into the body of a `document`.
+
+    It may stand there several times, among other HTML; it has no heading of its own.
+    """
+    first, *_ = *playback.spans.values(), ()
+    panes = "\n".join(_pane(scene) for scene in playback.scenes)
+    plots = "\n".join(
+        _figure(plot, draw_plot(plot, playback.range, playback.time_label, first))
+        for plot in playback.plots
+    )
+    # Without "<", nothing in the data can close its script element.
+    data = json.dumps(described(playback), separators=(",", ":")).replace("<", "\\u003c")
+    return f"""<section class="playback" aria-label="{_escaped(playback.title)}">
+<noscript><style>.playback-panes {{ display: none; }}</style>
+<p class="playback-missing">The three-dimensional view needs JavaScript, which is
+disabled here.</p></noscript>
+<p class="playback-missing playback-no-webgl" hidden>The three-dimensional view needs WebGL, which
+this browser does not support or has disabled.</p>
+<div class="playback-panes">
+{panes}
+</div>
+<div class="playback-plots">
+{plots}
+</div>
+<script type="application/json">{data}</script>
+</section>"""
+
+
+def _pane(scene: Scene) -> str:
+    title, note = _escaped(scene.title), _escaped(scene.note)
+    return (
+        f'<figure class="playback-pane"><figcaption>{title} <span>{note}</span></figcaption>'
+        f'<div class="playback-view" role="img" aria-label="{title}"></div></figure>'
+    )
+
+
+def _figure(plot: Plot, drawing: tuple[str, tuple[float, ...]]) -> str:
+    svg, place = drawing
+    source = base64.b64encode(svg.encode()).decode("ascii")
+    axes = " ".join(f"{edge:.5f}" for edge in place)
+    text = f"{plot.title}: {plot.label}" if plot.title else plot.label
+    curves = ", ".join(curve.name for curve in plot.curves)
+    return (
+        f'<figure class="playback-plot" data-axes="{axes}">'
+        f'<img alt="{_escaped(f"{text} of {curves}")}" draggable="false" '
+        f'src="data:image/svg+xml;base64,{source}"></figure>'
+    )
+
+
+def _escaped(text: str) -> str:
+    return html.escape(plain_text(text))

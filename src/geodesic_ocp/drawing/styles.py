@@ -1,0 +1,121 @@
+"""Line styles of the figures."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+# What something shows; each role has one colour in scenes, plots and figures.
+Role: TypeAlias = Literal[
+    "observed",
+    "predicted",
+    "baseline",
+    "second baseline",
+    "third baseline",
+    "fourth baseline",
+    "neutral",
+]
+
+# Dark blue and orange differ in hue and in lightness, and remain distinct in greyscale print.
+OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
+PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
+BASELINE: dict[str, Any] = {"color": "#4f8a2e", "linewidth": 1.5, "linestyle": (0, (1, 1))}
+NEUTRAL: dict[str, Any] = {"color": "#8a9099", "linewidth": 1.3}
+# By what a line, an arm or a path shows, in figures and in scenes; several baselines differ.
+ROLES: dict[str, dict[str, Any]] = {
+    "observed": OBSERVED,
+    "predicted": PREDICTED,
+    "baseline": BASELINE,
+    "second baseline": {"color": "#333333", "linewidth": 1.5, "linestyle": (0, (5, 2))},
+    "third baseline": {"color": "#a3478f", "linewidth": 1.5, "linestyle": (0, (6, 2, 1, 2))},
+    "fourth baseline": {"color": "#1f9aa8", "linewidth": 1.5, "linestyle": (0, (2, 2))},
+    "neutral": NEUTRAL,
+}
+# What is drawn around arms in three dimensions, on pages and in videos.
+SURROUNDINGS: dict[str, str] = {
+    "obstacle": "#b5573f",
+    "ellipsoid": "#4f7f9f",
+    "gap": "#444b54",
+    "overlap": "#c0202a",
+    "marker": "#5a4a8a",
+    **{"x": "#c8372d", "y": "#3d8f40", "z": "#2f5fb3"},  # axes of frames
+}
+# Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
+COMPARED: tuple[dict[str, Any], ...] = (
+    {**PREDICTED, "linestyle": "-", "linewidth": 2.0, "marker": "o"},
+    {**BASELINE, "linewidth": 1.7, "marker": "^"},
+    {**ROLES["second baseline"], "marker": "s"},
+)
+_DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+
+
+def line_styles(count: int) -> list[dict[str, Any]]:
+    """Get styles of several lines: colours from dark to light, and dashes for greyscale print."""
+    from matplotlib import colormaps
+
+    shades = colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2)))
+    return [
+        {"color": shades[index], "linestyle": _DASHES[index % len(_DASHES)], "linewidth": 1.6}
+        for index in range(count)
+    ]
+
+
+def mixed(colour: str, white: float = 0.0) -> tuple[float, float, float]:
+    """Return red, green and blue, from 0 to 1, of a colour with this share of white."""
+    from matplotlib.colors import to_rgb
+
+    red, green, blue = (white + (1.0 - white) * each for each in to_rgb(colour))
+    return red, green, blue
+
+
+# Settings are global: two threads that set and restore them by turns would leave one's for good.
+_LOCK = threading.RLock()
+
+
+@contextmanager
+def own_style(settings: dict[Any, Any]) -> Iterator[None]:
+    """Draw with matplotlib's defaults and these settings, whatever style the user has chosen.
+
+    The user's settings are restored at the end; other threads wait until then.
+    """
+    import matplotlib.style
+
+    with _LOCK, matplotlib.style.context(["default", settings]):
+        yield
+
+
+@contextmanager
+def added_style(settings: dict[Any, Any]) -> Iterator[None]:
+    """Draw with the user's style and these settings on top, which are taken back at the end."""
+    import matplotlib
+
+    with _LOCK, matplotlib.rc_context(settings):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of this size [inch], which adjusts its layout to its contents."""
+    # Importing matplotlib takes longer than many computations: only what draws imports it.
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save_figure(figure: Figure, folder: Path, name: str = "figure", dpi: float = 150.0) -> None:
+    """Write name.png and name.pdf to the folder; the figure's layout is final then.
+
+    Text in the PDF is text, in embedded TrueType fonts, which journals ask for.
+    """
+    figure.savefig(folder / f"{name}.png", dpi=dpi)
+    figure.set_layout_engine("none")  # finding the layout takes as long as drawing
+    with added_style({"pdf.fonttype": 42}):
+        figure.savefig(folder / f"{name}.pdf", dpi=dpi)

@@ -1,1 +1,0 @@
-from .obstacles import draw_obstacle as draw_obstacle

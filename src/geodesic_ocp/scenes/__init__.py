@@ -1,1 +1,0 @@
-"""Scenes of arms in motion, independent of how they are drawn."""

@@ -1,5 +1,0 @@
-"""Scenes drawn: pages for browsers and notebooks, and videos."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

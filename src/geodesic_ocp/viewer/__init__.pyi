@@ -1,2 +1,0 @@
-from .report import report as report
-from .viewer import Viewer as Viewer

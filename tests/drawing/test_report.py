@@ -1,0 +1,115 @@
+"""The page of a retargeting holds all there is to see, and needs nothing else."""
+
+from __future__ import annotations
+
+import html.parser
+import re
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pytest
+from drawing.browser import chromium, opened, playwright_or_skip
+from small_retargeting import both_arms, small_retargeting
+
+import geodesic_ocp as go
+
+pytest.importorskip("meshcat", reason="needs the extra viewer")
+EVIL = '<script>alert("1")</script>'
+
+pytestmark = pytest.mark.slow
+
+
+class Elements(html.parser.HTMLParser):
+    """What elements there are, what they refer to, and the text outside scripts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.addresses: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.addresses += [
+            str(value) for name, value in attrs if name in ("src", "href", "data", "action")
+        ]
+
+    def handle_data(self, data: str) -> None:
+        if self.tags and self.tags[-1] not in ("script", "style"):
+            self.text += data
+
+
+def elements(text: str) -> Elements:
+    found = Elements()
+    found.feed(text)
+    return found
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    assert go.drawing.report(small_retargeting(), file) == file
+    return file
+
+
+def test_the_page_needs_nothing_else(page: Path) -> None:
+    found = elements(page.read_text(encoding="utf-8"))
+    assert all(address.startswith("data:") for address in found.addresses)
+    assert found.tags.count("table") == 2
+    assert "link" not in found.tags
+    assert "Human left arm (mirrored) on robot" in found.text
+
+
+@pytest.mark.slow
+def test_tables_are_those_of_the_result(page: Path) -> None:
+    text = elements(page.read_text(encoding="utf-8")).text
+    retargeting = small_retargeting()
+    for table in (retargeting.table(), retargeting.synergy_table()):
+        assert all(str(name) in text for name in table.columns)
+        assert f"{table.iloc[0, -3]:#.3g}" in text
+
+
+def test_the_time_is_told(page: Path, tmp_path: Path) -> None:
+    assert "the person's time" in elements(page.read_text(encoding="utf-8")).text
+    slow = small_retargeting(0.8, "slow")
+    text = go.drawing.report(slow, tmp_path / "slow.html").read_text(encoding="utf-8")
+    assert f"{slow.stretch:.2f} times as long as the person" in elements(text).text
+
+
+def test_names_are_text(tmp_path: Path) -> None:
+    """A robot called <script> is shown, not run."""
+    retargeting = small_retargeting(2.5, EVIL)
+    text = go.drawing.report(retargeting, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert EVIL not in text
+    assert EVIL in elements(text).text
+
+
+def test_a_failure_leaves_what_was_there(page: Path, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="missing"):
+        go.drawing.report(small_retargeting(), tmp_path / "missing" / "report.html")
+
+
+def test_without_the_viewer_the_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("geodesic_ocp.drawing.page.find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=re.escape("pip install 'geodesic_ocp[viewer]'")):
+        go.drawing.report(small_retargeting(), tmp_path / "report.html")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_page_opens_in_a_browser(tmp_path: Path) -> None:
+    """Both panes are drawn, also those of two arms, and nothing is logged."""
+    assert version("meshcat")
+    files = [
+        go.drawing.report(small_retargeting(2.5, EVIL), tmp_path / "one.html"),
+        go.drawing.report(both_arms(), tmp_path / "both.html"),
+    ]
+    with playwright_or_skip() as driver, chromium(driver) as browser:
+        for file in files:
+            with opened(browser, file) as page:
+                page.locator("canvas").first.wait_for()
+                assert page.locator("canvas").count() == 2
+                shown: Any = page.locator("body").inner_text()
+                assert (EVIL in shown) == (file is files[0])

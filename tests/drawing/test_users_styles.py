@@ -1,0 +1,85 @@
+"""Pages and pictures look the same whatever style the user has chosen, and leave it as it is."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.style
+import numpy as np
+import pytest
+
+from geodesic_ocp.drawing.plots import draw_plot
+from geodesic_ocp.drawing.save_video import frames
+from geodesic_ocp.drawing.scene import SECONDS, Curve, Playback, Plot, Scene, Span
+from geodesic_ocp.drawing.styles import added_style, own_style
+
+TIME = np.linspace(0.0, 1.0, 21)
+CURVES = (Curve("a_$1", TIME, TIME, "observed"), Curve("b & c", TIME, TIME**2))
+PLOT = Plot("q [rad]", CURVES, "a_title")
+SPANS = (Span("a", 0.0, 0.4), Span("b", 0.4, 1.0))
+STYLES: dict[str, Any] = {
+    "LaTeX": {"text.usetex": True},
+    "dark": "dark_background",
+    "tight": {"savefig.bbox": "tight", "savefig.facecolor": "black"},
+    "layout": {"figure.autolayout": True},
+    "lines": {"lines.marker": "o", "axes.grid": True, "xtick.labelsize": 20, "font.size": 20},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("style", STYLES.values(), ids=STYLES)
+def test_a_page_has_the_same_plots_in_every_style(style: Any) -> None:
+    plain = draw_plot(PLOT, (0.0, 1.0), SECONDS, SPANS)
+    with matplotlib.style.context(style):
+        assert draw_plot(PLOT, (0.0, 1.0), SECONDS, SPANS) == plain
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("style", STYLES.values(), ids=STYLES)
+def test_a_picture_is_the_same_in_every_style(style: Any) -> None:
+    playback = Playback("t", (Scene("s", TIME, ()),), {"n_$": SPANS}, (PLOT,))
+    (plain,) = frames(playback, [0.5], width=320, layers=())
+    with matplotlib.style.context(style):
+        (styled,) = frames(playback, [0.5], width=320, layers=())
+    np.testing.assert_array_equal(styled, plain)
+
+
+def test_settings_are_the_users_again_also_with_threads() -> None:
+    """One thread enters, then another; the first leaves before the second."""
+    before = dict(mpl.rcParams)
+    first_in, second_in, first_out = (threading.Event() for _ in range(3))
+
+    def first() -> None:
+        with own_style({"font.size": 3.0}):
+            first_in.set()
+            second_in.wait(0.2)  # it should not be able to enter
+        first_out.set()
+
+    def second() -> None:
+        first_in.wait()
+        with added_style({"font.size": 4.0}):
+            second_in.set()
+            first_out.wait()
+
+    threads = [threading.Thread(target=each) for each in (first, second)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert dict(mpl.rcParams) == before
+
+
+def test_settings_are_defaults_or_the_users_with_some_on_top() -> None:
+    default = mpl.rcParamsDefault["lines.linewidth"]
+    with mpl.rc_context({"lines.linewidth": 7.0}):
+        backend = mpl.rcParams["backend"]
+        with own_style({"font.size": 3.0}):
+            assert mpl.rcParams["lines.linewidth"] == default
+            assert mpl.rcParams["font.size"] == 3.0
+            assert mpl.rcParams["backend"] == backend
+        with added_style({"font.size": 3.0}):
+            assert mpl.rcParams["lines.linewidth"] == 7.0
+            assert mpl.rcParams["font.size"] == 3.0
+        assert mpl.rcParams["lines.linewidth"] == 7.0

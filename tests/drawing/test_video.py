@@ -1,0 +1,313 @@
+"""Videos and pictures of playbacks, drawn without a screen."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image, ImageSequence
+
+from geodesic_ocp.drawing import save_video as writers
+from geodesic_ocp.drawing.actors import Actor
+from geodesic_ocp.drawing.panels import layout
+from geodesic_ocp.drawing.raster import nearest_fragments
+from geodesic_ocp.drawing.save_video import save_video
+from geodesic_ocp.drawing.scene import (
+    PARAMETER,
+    Curve,
+    EllipsoidTrack,
+    FrameTrack,
+    Gap,
+    Playback,
+    Plot,
+    PointCloud,
+    Scene,
+    Solid,
+    Span,
+    Trail,
+)
+from geodesic_ocp.model.look import Mesh
+
+CORNERS = np.array(np.meshgrid([-0.1, 0.1], [-0.1, 0.1], [-0.1, 0.1])).reshape(3, -1).T
+# Of the cube, counter-clockwise seen from outside.
+FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+NASTY = "$x_ \\alpha^{ <script>&\x00\n"
+SMALL = {"width": 240, "rate": 5.0}
+
+
+def cube() -> NDArray[np.int64]:
+    """Triangles of `CORNERS`, all of them outward."""
+    faces = np.array([[a, b, c] for w in FACES for a, b, c in (w[:3], [w[0], *w[2:]])])
+    sides = CORNERS[faces]
+    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    inward = (normals * sides.mean(axis=1)).sum(axis=1) < 0.0
+    faces[inward] = faces[inward, ::-1]
+    return faces
+
+
+def moving(stop: float = 1.0, name: str = "cube", samples: int = 11) -> Playback:
+    """A red cube that moves along x, in 1 s."""
+    time = np.linspace(0.0, stop, samples)
+    path = np.column_stack([np.linspace(0.0, 1.0, samples), np.zeros((samples, 2))])
+    mesh = Mesh("link", CORNERS, cube(), (0.9, 0.1, 0.1))
+    actor = Actor(name, (mesh,), {"link": np.eye(3)[None]}, {"link": path})
+    scene = Scene(name, time, (actor,), (Trail(name, path, "observed", path),), note=name)
+    plot = Plot(f"{name} [m]", (Curve(name, time, time), Curve("_b", time, 1.0 - time)), name)
+    spans = (Span(name, 0.0, stop / 2.0), Span("second", stop / 2.0, stop))
+    return Playback(name, (scene,), {name: spans, "other": spans}, (plot,))
+
+
+def standing() -> Playback:
+    playback = moving(samples=1, stop=0.0)
+    return replace(playback, spans={}, plots=())
+
+
+def pictures(file: Path) -> list[NDArray[np.uint8]]:
+    with Image.open(file) as image:
+        return [np.array(each.convert("RGB")) for each in ImageSequence.Iterator(image)]
+
+
+def durations(file: Path) -> list[int]:
+    with Image.open(file) as image:
+        found = []
+        for each in ImageSequence.Iterator(image):
+            each.load()
+            found.append(int(each.info["duration"]))
+    return found
+
+
+def red(picture: NDArray[np.uint8]) -> float:
+    """The mean column of red pixels."""
+    colours = picture.astype(int)
+    found = (colours[..., 0] > 90) & (colours[..., 1:].max(axis=-1) < colours[..., 0] // 2)
+    return float(np.nonzero(found)[1].mean())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["gif", "webp"])
+def test_an_animation_lasts_as_long_as_the_motion_and_half_a_second(
+    tmp_path: Path, suffix: str
+) -> None:
+    file = save_video(moving(), tmp_path / f"cube.{suffix}", **SMALL)
+    frames, times = pictures(file), durations(file)
+    assert len(frames) == 6
+    assert sum(times) == 1700  # 6 frames of 0.2 s, and half a second
+    assert frames[0].shape[1] == 240
+    with Image.open(file) as image:
+        assert image.info["loop"] == 0
+
+
+@pytest.mark.slow
+def test_the_cube_moves_and_the_last_frame_is_the_end(tmp_path: Path) -> None:
+    # Seen from the front, x points to the left.
+    playback = replace(moving(), azimuth=0.0)
+    frames = pictures(save_video(playback, tmp_path / "cube.webp", **SMALL))
+    places = [red(frame) for frame in frames]
+    assert np.all(np.diff(places) < 0.0)
+    still = save_video(playback, tmp_path / "end.png", width=240, at=1.0)
+    (end,) = pictures(still)
+    assert abs(red(end) - places[-1]) < 1.0
+    assert np.abs(end.astype(int) - frames[-1]).mean() < 5.0
+
+
+@pytest.mark.slow
+def test_the_cursor_moves(tmp_path: Path) -> None:
+    early, late = (
+        pictures(save_video(moving(), tmp_path / f"{at}.png", width=480, at=at))[0]
+        for at in (0.2, 0.8)
+    )
+    # The plot is to the right of the only pane.
+    columns = np.abs(early.astype(int) - late).max(axis=2)[60:200, 290:].max(axis=0)
+    assert np.ptp(np.flatnonzero(columns > 100)) > 50
+
+
+@pytest.mark.slow
+def test_the_speed_and_the_parameter_of_a_path_set_the_duration(tmp_path: Path) -> None:
+    fast = save_video(moving(), tmp_path / "fast.gif", width=240, rate=10.0, speed=2.0)
+    assert sum(durations(fast)) == 1100
+    path = replace(moving(), time_label=PARAMETER)
+    slow = save_video(path, tmp_path / "path.gif", width=160, rate=2.0)
+    assert sum(durations(slow)) == 5000  # 4 s, the frame at the end, and half a second
+
+
+def test_what_stands_still_is_seen_from_all_around(tmp_path: Path) -> None:
+    file = save_video(standing(), tmp_path / "cube.webp", width=160, rate=2.0)
+    frames = pictures(file)
+    assert sum(durations(file)) == 6000
+    assert len(frames) == 12
+    assert all(np.any(a != b) for a, b in pairwise(frames))
+    (still,) = pictures(save_video(standing(), tmp_path / "cube.png", width=160))
+    assert still.shape[1] == 160
+
+
+@pytest.mark.slow
+def test_an_mp4_can_be_read(tmp_path: Path) -> None:
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    done: list[tuple[int, int]] = []
+    file = save_video(
+        moving(),
+        tmp_path / "cube.mp4",
+        width=241,
+        rate=10.0,
+        progress=lambda _, now, total: done.append((now, total)),
+    )
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(file))
+    assert count == 16  # 11, of which the last stays for half a second
+    assert seconds == pytest.approx(1.6, abs=0.11)
+    assert done == [(index, 11) for index in range(1, 12)]
+    assert [each.name for each in tmp_path.iterdir()] == ["cube.mp4"]
+
+
+def test_without_ffmpeg_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    monkeypatch.setattr(writers.shutil, "which", lambda _: None)
+    with pytest.raises(ImportError, match=r"geodesic_ocp\[viewer\]"):
+        save_video(moving(), tmp_path / "cube.mp4", **SMALL)
+    assert not list(tmp_path.iterdir())
+
+
+def test_narrow_pictures_have_letters_of_the_same_size_and_fewer_plots() -> None:
+    playback = moving()
+    three = replace(playback, plots=playback.plots * 3, scenes=playback.scenes * 3)
+    wide, narrow = layout(three, 960, 1.0), layout(three, 320, 1.0)
+    assert narrow.unit > 320 / 960
+    assert (len(wide.plots), len(narrow.plots)) == (3, 1)
+    assert len({top for _, top, _, _ in wide.panes}) == 1
+    for place in (wide, narrow):
+        for left, top, width, height in (*place.panes, *place.bars, *place.plots):
+            assert 0 <= left < left + width <= place.width
+            assert 0 <= top < top + height <= place.height
+
+
+@pytest.mark.slow
+def test_any_name_can_be_written(tmp_path: Path) -> None:
+    file = save_video(moving(name=NASTY), tmp_path / "nasty.png", width=480)
+    (nasty,) = pictures(file)
+    assert np.ptp(nasty) > 200
+
+
+@pytest.mark.slow
+def test_layers_are_shown_if_asked_for(tmp_path: Path) -> None:
+    playback = moving()
+    time, turn = playback.scenes[0].time, np.eye(3)[None]
+    high = np.tile([0.5, 0.0, 0.4], (len(time), 1))
+    scene = replace(
+        playback.scenes[0],
+        solids=(Solid("box", CORNERS + np.array([0.5, 0.0, 0.5]), cube()),),
+        frames=(FrameTrack("frame", turn, high[:1]),),
+        ellipsoids=(EllipsoidTrack("ball", high, np.tile(-0.2 * np.eye(3), (len(time), 1, 1))),),
+        gaps=(Gap("gap", high, high * 0.0, np.ones(len(time))),),
+    )
+    scene = replace(scene, clouds=(PointCloud("points", high[:, None], ("a",)),))
+    whole = replace(playback, scenes=(scene,))
+    seen = []
+    for index, name in enumerate(("obstacles", "frames", "mobility ellipsoids", "clearances")):
+        file = save_video(whole, tmp_path / f"{index}.png", width=240, layers=[name])
+        seen.append(pictures(file)[0])
+    assert len({each.tobytes() for each in seen}) == 4
+    with pytest.raises(ValueError, match="layers: 'hand'"):
+        save_video(whole, tmp_path / "x.png", layers=["hand"])
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("x.avi", {}, r"x\.avi must end in one of \.mp4"),
+        ("x.gif", {"rate": 0.0}, "rate must be positive"),
+        ("x.gif", {"rate": 60.0}, "rate must be at most 50"),
+        ("x.gif", {"width": 12}, "width must be from 160"),
+        ("x.gif", {"speed": -1.0}, "speed must be positive"),
+        ("x.gif", {"at": 0.5}, r"at is the time of a \.png"),
+        ("x.png", {"at": 7.0}, "at must be from 0 to 1"),
+    ],
+)
+def test_wrong_arguments_are_named(
+    tmp_path: Path, name: str, options: dict[str, float], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        save_video(moving(), tmp_path / name, **options)  # type: ignore[arg-type]
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="nowhere"):
+        save_video(moving(), tmp_path / "nowhere" / "x.png")
+
+
+@pytest.mark.slow
+def test_neither_screen_nor_window_is_needed(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from test_video import moving, save_video\n"
+        "save_video(moving(), Path(sys.argv[1]), width=160)\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    file = tmp_path / "x.png"
+    here = str(Path(__file__).parent)
+    clean = {"PYTHONPATH": here, "MPLCONFIGDIR": str(tmp_path), "PATH": ""}
+    subprocess.run([sys.executable, "-c", code, str(file)], env=clean, check=True)
+    assert file.is_file()
+
+
+def test_the_nearest_triangle_is_seen_and_shared_edges_leave_no_seam() -> None:
+    square = np.array([[[0, 0], [8, 0], [8, 8]], [[0, 0], [8, 8], [0, 8]]], dtype=float)
+    corners = np.concatenate([square, square[:, ::-1]])
+    depths = np.repeat([[2.0], [2.0], [1.0], [3.0]], 3, axis=1)
+    seen = nearest_fragments(corners, depths, (8, 8))
+    assert np.array_equal(seen.pixels, np.arange(64))
+    assert set(seen.triangles.tolist()) == {1, 2}
+    assert np.allclose(seen.weights.sum(axis=1), 1.0)
+    places = (seen.weights[..., None] * corners[seen.triangles]).sum(axis=1)
+    assert np.allclose(places, np.column_stack([seen.pixels % 8, seen.pixels // 8]) + 0.5)
+    assert np.allclose(1.0 / seen.closeness, depths[seen.triangles, 0], rtol=1e-6)
+
+
+def test_an_overlay_is_outlined_and_what_has_a_colour_is_seen_through_it(tmp_path: Path) -> None:
+    playback = standing()
+    scene = playback.scenes[0]
+    observed = replace(scene.actors[0], role="observed")
+    overlay = replace(observed, role="predicted", translucent=True)
+    pair = replace(scene, actors=(observed, overlay), trails=(), title="", note="")
+    playback = replace(playback, scenes=(pair,), title="", azimuth=0.0, elevation=0.0)
+    (seen,) = pictures(save_video(playback, tmp_path / "pair.png", width=240))
+    pane = seen.astype(int)
+    orange = (pane[..., 0] - pane[..., 2] > 120).nonzero()
+    blue = (pane[..., 2] - pane[..., 0] > 20).nonzero()
+    assert blue[0].size > 5 * orange[0].size > 0
+    for axis in (0, 1):  # around it
+        assert orange[axis].min() <= blue[axis].min() <= blue[axis].max() <= orange[axis].max()
+
+
+def test_what_stands_still_is_hidden_by_what_moves_before_it(tmp_path: Path) -> None:
+    playback = replace(moving(), azimuth=0.0, elevation=0.0, spans={}, plots=())
+    scene = playback.scenes[0]
+    behind = Solid("wall", CORNERS * [4.0, 0.1, 1.5] + [0.5, -0.5, 0.0], cube())
+    before = replace(behind, vertices=behind.vertices + np.array([0.0, 1.0, 0.0]))
+    counts = []
+    for wall in (behind, before):
+        walled = replace(playback, scenes=(replace(scene, trails=(), solids=(wall,)),))
+        (seen,) = pictures(save_video(walled, tmp_path / "wall.png", width=240))
+        colours = seen.astype(int)
+        counts.append(int((colours[..., 0] > 3 * colours[..., 1]).sum()))
+    assert counts[0] > 100
+    assert counts[1] == 0
+
+
+def test_a_gif_whose_frames_are_all_alike_lasts_as_long(tmp_path: Path) -> None:
+    file = tmp_path / "same.gif"
+    frame = np.full((10, 20, 3), 200, dtype=np.uint8)
+    frame[2:5, 3:9] = [30, 60, 90]
+    writers.write_gif(file, [frame] * 3, [frame], [100, 100, 600])
+    assert sum(durations(file)) == 800
+    assert all(np.abs(each.astype(int) - frame).max() < 5 for each in pictures(file))
+
+
+def test_the_paper_of_a_gif_is_white(tmp_path: Path) -> None:
+    for frame in pictures(save_video(moving(), tmp_path / "cube.gif", width=160, rate=2.0)):
+        assert np.all(frame[0] == 255)
