@@ -34,7 +34,20 @@ def main() -> None:
     print("| --- " + "| ---: " * 7 + "|")
     for file in sorted(GALLERY.glob("*.py")):
         for problem_class in problem_classes(file):
-            print(row(problem_class, options), flush=True)
+            of_kind = row if issubclass(problem_class, go.Problem) else motion_row
+            print(of_kind(problem_class, options), flush=True)
+
+
+def motion_row(problem_class: type[go.MotionProblem], options: argparse.Namespace) -> str:
+    start = time.perf_counter()
+    motion = go.solve(problem_class())
+    seconds = time.perf_counter() - start
+    if options.pictures:
+        picture = GALLERY / "pictures" / f"{problem_class.__name__}.png"
+        motion.plot().savefig(picture, dpi=110)
+    variables = motion.knots.size + motion.coefficients.size
+    shown = problem_class.__name__, variables, "", motion.iterations, f"{seconds:.2f}"
+    return f"| {' | '.join(map(str, shown))} | | {motion.violation[0]:.0e} | |"
 
 
 def row(problem_class: type[go.Problem], options: argparse.Namespace) -> str:

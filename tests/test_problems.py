@@ -13,6 +13,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.solve import problem_classes
+from geodesic_ocp.drawing.playback_of import playback_of
 from geodesic_ocp.ocp.problem import parse_conditions
 
 GALLERY = Path(__file__).resolve().parents[1] / "problems"
@@ -29,6 +30,8 @@ def discovered_problems() -> list[Any]:
     for file in sorted(GALLERY.glob("*.py")):
         for problem_class in problem_classes(file):
             name = problem_class.__name__
+            if not issubclass(problem_class, go.Problem):
+                continue  # a motion in time, see below
             try:
                 slow = [pytest.mark.slow] if name in EXPENSIVE else []
                 found.append(pytest.param(problem_class(), marks=slow, id=name))
@@ -154,3 +157,22 @@ def test_every_problem_is_listed_in_the_gallery() -> None:
             assert (GALLERY / "pictures" / f"{problem_class.__name__}.png").is_file()
             assert f"({file.name})" in listed
             assert f"pictures/{problem_class.__name__}.png" in listed
+
+
+def discovered_motions() -> list[Any]:
+    """Every class of motions in time in problems/."""
+    every = [each for file in sorted(GALLERY.glob("*.py")) for each in problem_classes(file)]
+    return [each for each in every if issubclass(each, go.MotionProblem)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion_class", discovered_motions())
+def test_motions_are_solved_and_drawn(motion_class: type[go.MotionProblem], tmp_path: Path) -> None:
+    assert inspect.getdoc(motion_class)
+    found = go.solve(motion_class())
+    assert found.success
+    assert found.violation[0] <= 1e-4
+    assert all(axes.get_ylabel() for axes in found.plot().axes)
+    found.to_trajectory().save(tmp_path / "motion.csv")
+    assert go.read_trajectory(tmp_path / "motion.csv").duration == pytest.approx(found.duration)
+    assert playback_of(found).scenes[0].solids or not found.problem.obstacles

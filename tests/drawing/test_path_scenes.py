@@ -71,6 +71,8 @@ def problems() -> list[Any]:
     found = []
     for file in sorted(GALLERY.glob("*.py")):
         for problem_class in problem_classes(file):
+            if not issubclass(problem_class, go.Problem):
+                continue
             name = problem_class.__name__
             slow = [pytest.mark.slow] if name in ("PandaBox", "ViaPoint") else []
             found.append(pytest.param(problem_class, marks=slow, id=name))

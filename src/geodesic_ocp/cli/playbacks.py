@@ -109,7 +109,7 @@ class Shown:
         elif kind == "solution":
             yield self._solution(file)
         else:
-            yield from (solution_playback(solve(each())) for each in problem_classes(file))
+            yield from (playback_of(solve(each())) for each in problem_classes(file))
 
     def _robot(self, name: str) -> Model:
         """Return a robot by name or file, with the last link as the hand if none is given."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from geodesic_ocp.cli.terminal import check_folder, print_written
+from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.ocp.solve import solve as solve_problem
@@ -57,12 +58,23 @@ def solve(
         settings[name.strip()] = value.strip()
     written: list[str] = []
     for name, instance in [(name, with_fields(each, settings)) for name, each in classes.items()]:
-        solution = solve_problem(instance, tolerance=tolerance)
         summary = (inspect.getdoc(instance) or "").partition("\n")[0]
+        if isinstance(instance, MotionProblem):
+            if tolerance is not None:
+                raise ValueError(f"--tolerance is for paths, {name} is a motion in time")
+            motion = solve_problem(instance)
+            print(f"{name}: {summary}\n\n{text(motion_table(motion))}")
+            if out is not None:
+                stem = _stem(out, name)
+                motion.plot().savefig(stem.with_suffix(".png"), dpi=110)
+                motion.to_trajectory().save(stem.with_suffix(".csv"))
+                print()
+                print_written([f"{stem}.png", f"{stem}.csv"])
+            continue
+        solution = solve_problem(instance, tolerance=tolerance)
         print(f"{name}: {summary}\n\n{text(solution_table(solution))}\n\n{solution.certificate}")
         if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
-            stem = out / name
+            stem = _stem(out, name)
             solution.plot().savefig(stem.with_suffix(".png"), dpi=110)
             solution.save(stem.with_suffix(".json"))
             print()
@@ -73,7 +85,26 @@ def solve(
         print(f"\nto see it in motion: geodesic-ocp show {shown}")
 
 
-def problem_classes(file: str | Path) -> list[type[Problem]]:
+def _stem(out: Path, name: str) -> Path:
+    out.mkdir(parents=True, exist_ok=True)
+    return out / name
+
+
+def motion_table(motion: MotionSolution) -> DataFrame:
+    """Return what the solver found, and its effort."""
+    amount, condition = motion.violation
+    rows = (
+        ("cost", motion.cost),
+        ("duration [s]", motion.duration),
+        ("segments", len(motion.times) - 1),
+        ("largest violation", f"{amount:.1e}" + f" ({condition})" * bool(condition)),
+        ("iterations", motion.iterations),
+        ("time [s]", motion.seconds),
+    )
+    return new_table(("", motion.status), rows)
+
+
+def problem_classes(file: str | Path) -> list[type[Problem | MotionProblem]]:
     """Return the problem classes that a Python file defines, in order.
 
     Args:
@@ -102,7 +133,7 @@ def problem_classes(file: str | Path) -> list[type[Problem]]:
         value
         for value in vars(module).values()
         if inspect.isclass(value)
-        and issubclass(value, Problem)
+        and issubclass(value, Problem | MotionProblem)
         and value.__module__ == module.__name__
     ]
     if not derived:
@@ -124,7 +155,9 @@ def _importing_from(folder: Path) -> Iterator[None]:
         sys.path.remove(location)
 
 
-def with_fields(problem_class: type[Problem], settings: Mapping[str, str]) -> Problem:
+def with_fields(
+    problem_class: type[Problem | MotionProblem], settings: Mapping[str, str]
+) -> Problem | MotionProblem:
     """Return an instance of a class with some fields set to Python literals.
 
     Raises:

@@ -203,3 +203,29 @@ def _draw_hand(axes: Axes, path: Path, draw_extra: DrawExtra | None) -> None:
     draw_plane_path(axes, way[:, columns], stops[:, columns], labels)
     if draw_extra is not None:
         draw_extra(axes, path, (first, second))
+
+
+def draw_motion(
+    times: Array, derivatives: Sequence[Array], torques: Array, names: Sequence[str], title: str
+) -> Figure:
+    """Draw coordinates, velocities and torques over time.
+
+    Args:
+        times: (k,) [s].
+        derivatives: coordinates and velocities (k, n).
+        torques: generalised forces (k, n).
+        names: of the coordinates.
+        title: title of the figure.
+    """
+    figure = new_figure(8.0, 7.0)
+    rows = figure.subplots(3, 1, sharex=True)
+    labels = "q [rad or m]", "velocity [per s]", "torque [N m or N]"
+    for axes, values, label in zip(rows, (*derivatives, torques), labels, strict=True):
+        for column, style in zip(values.T, line_styles(len(names)), strict=True):
+            axes.plot(times, column, **style)
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+    rows[0].legend(names, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    rows[-1].set_xlabel("time [s]")
+    figure.suptitle(title)
+    return figure

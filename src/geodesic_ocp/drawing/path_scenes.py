@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.model_scene import POSITIONS, joint_plots, model_scene, short_name
-from geodesic_ocp.drawing.motion_scenes import viewed_from
+from geodesic_ocp.drawing.motion_scenes import motion_playback, viewed_from
 from geodesic_ocp.drawing.path_figure import coordinate_names, limits_reached
 from geodesic_ocp.drawing.scene import (
     PARAMETER,
@@ -39,10 +39,12 @@ from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.distances import bodies_apart
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import HalfSpace
+from geodesic_ocp.ocp.motion_problem import MotionSolution
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles, parse_conditions
 from geodesic_ocp.ocp.problems import ConstrainedProblem
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.trajectory.path import Path
+from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 UNIT_BALLS = "unit balls of the metric"
 _SIZE = 0.08  # of the largest unit ball, relative to the path
@@ -298,3 +300,32 @@ def _considered(
         found[name] = {body.link for body in (one, other) if not isinstance(body, HalfSpace)}
     wanted = [found[name] for name in found if name in names] or found.values()
     return {link for links in wanted for link in links if link is not None}
+
+
+def timed_playback(motion: TimedMotion, model: Model | None = None, *, title: str = "") -> Playback:
+    """Return a motion q(t): its model, or the curve of its coordinates, among the obstacles.
+
+    Args:
+        motion: a Riemannian spline or the solution of a `MotionProblem`.
+        model: model that moves; None: that of the motion's metric, if it has one.
+        title: title of the playback; by default what the motion is.
+
+    Raises:
+        ValueError: there is no model, and more than three coordinates.
+    """
+    metric, sampled = motion.metric, motion.to_motion()
+    shown: Model | None = getattr(metric, "model", None) if model is None else model
+    title = title or type(getattr(motion, "problem", motion)).__name__
+    if shown is not None:
+        playback = motion_playback(sampled, shown, title=title)
+    elif metric.dim <= _IN_SPACE:
+        scene = coordinate_scene(metric, sampled.time, sampled.q)
+        pairs = zip(coordinate_names(metric), sampled.q.T, strict=True)
+        curves = tuple(Curve(name, sampled.time, column) for name, column in pairs)
+        playback = Playback(title, (scene,), {}, (Plot("coordinates q", curves),))
+    else:
+        raise ValueError(f"{type(metric).__name__} has no model: give the model that moves")
+    scene = playback.scenes[0]
+    obstacles = drawn_obstacles(motion.problem) if isinstance(motion, MotionSolution) else ()
+    scene = replace(scene, solids=obstacle_solids(obstacles, *scene.bounds()))
+    return replace(playback, scenes=(scene,))

@@ -21,7 +21,7 @@ from geodesic_ocp.drawing.motion_scenes import (
     replay_playback,
     trajectory_playback,
 )
-from geodesic_ocp.drawing.path_scenes import path_playback, solution_playback
+from geodesic_ocp.drawing.path_scenes import path_playback, solution_playback, timed_playback
 from geodesic_ocp.drawing.recording_scenes import (
     analysis_playback,
     marker_fit_playback,
@@ -47,6 +47,7 @@ from geodesic_ocp.synergies.synergy import Reconstruction, Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
+from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 _Group: TypeAlias = tuple[str, tuple[Any, ...]]  # a title, and a result with what belongs to it
 
@@ -64,9 +65,9 @@ def playback_of(*items: Any, title: str = "") -> Playback:
 
     Args:
         items: each of them a `Motion`, `JointTrajectory` or `Alignment` followed by its `Model`
-            or in a tuple with it; a `Path`, `Geodesic` or `Solution`, whose `Model` may follow
-            where its metric has none; a tuple or list of `Synergy`, likewise; a `Recording`,
-            `Analysis`, `Retargeting`, `PlannedTrajectory`, `Replay` or `ToPose`; a `MarkerFit`,
+            or in a tuple with it; a `Path`, `Geodesic`, `Solution`, `RiemannianSpline` or
+            `MotionSolution`, whose `Model` may follow where its metric has none; a tuple or list of `Synergy`,
+            likewise; a `Recording`, `Analysis`, `Retargeting`, `PlannedTrajectory`, `Replay` or `ToPose`; a `MarkerFit`,
             which the `Markers` may follow; `Markers`; a `Model`, which a configuration may follow;
             a `Playback`; a list of these, or a dictionary whose keys are their titles. The model of
             a motion of a person's arms may be left out.
@@ -136,6 +137,11 @@ def _(result: Synergy, model: Model | None = None) -> Playback:
 @playback.register
 def _(result: Model, q: np.ndarray | None = None) -> Playback:
     return model_playback(result, q)
+
+
+@playback.register
+def _(result: TimedMotion, model: Model | None = None) -> Playback:
+    return timed_playback(result, model)
 
 
 @playback.register

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, real_array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms, in_rounds
+from geodesic_ocp.drawing.path_figure import draw_motion
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.motion_kernels import SegmentBasis
@@ -26,6 +27,9 @@ from geodesic_ocp.ocp.conditions import Condition, stacked
 from geodesic_ocp.ocp.motion_program import bisected, instants, knots_of, state_matrix, variables
 from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, listed
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _BASIS = SegmentBasis(4, 9)
 _SEGMENTS = 4  # of the first program, at least
@@ -60,6 +64,10 @@ class MotionProblem(ABC):
 
         What they leave free is optimal.
         """
+
+    def definition(self) -> Any:
+        """Return the expressions of the problem; ValueError if it is malformed."""
+        return _Parsed.of(self)
 
     def cost(self, t: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Any:
         """Return the running cost: by default tau' G(q)^-1 tau / 2, tau the `torque`."""
@@ -138,6 +146,13 @@ class MotionSolution(TimedMotion, ShortRepr):
             ends = np.stack([q[k], T * v[k], q[k + 1], T * v[k + 1]])
             result[rows] = values.T @ np.vstack([ends, self.coefficients[k]])
         return result
+
+    def plot(self) -> Figure:
+        """Draw coordinates, velocities and torques over time."""
+        t = np.linspace(0.0, self.duration, 201)
+        title = f"{type(self.problem).__name__}: cost {self.cost:.4g}"
+        names = self.metric.joint_names or tuple(f"q[{i}]" for i in range(self.metric.dim))
+        return draw_motion(t, (self(t), self(t, 1)), self.torques(t), names, title)
 
     def torques(self, t: ArrayLike) -> Array:
         """Return the problem's torques at times (k,), (k, n) [N m or N]."""

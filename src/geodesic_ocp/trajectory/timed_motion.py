@@ -30,6 +30,10 @@ class TimedMotion(ABC):
     def states(self, t: Array, order: int) -> Array:
         """Return derivatives of this order at times (k,) within the motion, (k, n)."""
 
+    @abstractmethod
+    def torques(self, t: ArrayLike) -> Array:
+        """Return the generalised forces at times (k,), (k, n) [N m or N]."""
+
     @property
     def duration(self) -> float:
         """Time from the first to the last knot [s]."""
