@@ -52,10 +52,10 @@ def draw_overview(
     segments: Sequence[tuple[int, int]],
     hands: tuple[Array, Array],
     joints: Sequence[tuple[str, Array, Array]],
-    names: Names = NAMES,
-    other: str | None = None,
-    ticks: Array | None = None,
-    strips: Sequence[Callable[[Axes], object]] = (),
+    names: Names,
+    other: str,
+    ticks: Array,
+    strips: Sequence[Callable[[Axes], object]],
 ) -> None:
     """Draw hand and joints over time in panels, and the path of the hand beside them.
 
@@ -66,7 +66,7 @@ def draw_overview(
         hands: positions (k, 3) [m] of the observed and the predicted hand.
         joints: label, observed (k,) and predicted (k,) values of each joint.
         names: labels of the observed and the predicted hand.
-        other: label of the joints drawn beside the predicted ones, if they are not observed ones.
+        other: label of the joints drawn beside the predicted ones.
         ticks: times [s] marked on the upper edge.
         strips: each draws arms into axes of its own, above the panels.
     """
@@ -80,17 +80,15 @@ def draw_overview(
     for row, (label, observed, predicted) in enumerate(rows):
         axes = figure.add_subplot(grid[above + row, 0], sharex=panels[0] if panels else None)
         shade_segments(axes, time, segments)
-        of_hand = other is None or row < len(columns)
-        first, look = (names[0], OBSERVED) if of_hand else (other, BASELINE)
+        first, look = (names[0], OBSERVED) if row < len(columns) else (other, BASELINE)
         axes.plot(time, observed, **look, label=first)
         axes.plot(time, predicted, **PREDICTED, label=names[1])
         long = max(map(len, label.splitlines())) > _LONG
         axes.set_ylabel(label, fontsize="small" if long else None)
         axes.label_outer()
         panels.append(axes)
-    if ticks is not None:
-        top = panels[0].get_xaxis_transform()
-        panels[0].plot(ticks, np.ones(ticks.size), "|", transform=top, **_TICKS)
+    top = panels[0].get_xaxis_transform()
+    panels[0].plot(ticks, np.ones(ticks.size), "|", transform=top, **_TICKS)
     panels[-1].set_xlabel("time [s]")
     figure.align_ylabels(panels)
 

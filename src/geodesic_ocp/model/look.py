@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -283,23 +284,26 @@ def body_mesh(body: Body) -> Mesh:
     return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)
 
 
+@singledispatch
 def _surface(shape: Any) -> Surface:
     """Return surface of a shape of coal in its own frame; vertices of a mesh are already scaled."""
-    kind = type(shape).__name__
-    if kind == "Box":
-        return box(shape.halfSide)
-    if kind in ("Sphere", "Ellipsoid"):
-        return ellipsoid(shape.radius if kind == "Sphere" else shape.radii)
-    if kind == "Capsule":
-        along = np.array([0.0, 0.0, float(shape.halfLength)])
-        return strut(-along, along, float(shape.radius))
-    if kind in ("Cylinder", "Cone"):
-        top = 1.0 if kind == "Cylinder" else 0.0
-        return cylinder(float(shape.radius), float(shape.halfLength), top)
     points, triangles = points_of(shape), triangles_of(shape)
     if points is None:
-        raise ValueError(f"a {kind} has no surface")
+        raise ValueError(f"a {type(shape).__name__} has no surface")
     return hull(points) if triangles is None else (points, triangles)
+
+
+_surface.register(pin.coal.Box, lambda shape: box(shape.halfSide))
+_surface.register(pin.coal.Sphere, lambda shape: ellipsoid(shape.radius))
+_surface.register(pin.coal.Ellipsoid, lambda shape: ellipsoid(shape.radii))
+_surface.register(pin.coal.Cylinder, lambda shape: cylinder(shape.radius, shape.halfLength))
+_surface.register(pin.coal.Cone, lambda shape: cylinder(shape.radius, shape.halfLength, 0.0))
+
+
+@_surface.register(pin.coal.Capsule)
+def _(shape: Any) -> Surface:
+    along = np.array([0.0, 0.0, float(shape.halfLength)])
+    return strut(-along, along, float(shape.radius))
 
 
 def chain_ends(model: Model) -> list[int]:
