@@ -66,11 +66,12 @@ def playback_of(*items: Any, title: str = "") -> Playback:
     Args:
         items: each of them a `Motion`, `JointTrajectory` or `Alignment` followed by its `Model`
             or in a tuple with it; a `Path`, `Geodesic`, `Solution`, `RiemannianSpline` or
-            `MotionSolution`, whose `Model` may follow where its metric has none; a tuple or list of `Synergy`,
-            likewise; a `Recording`, `Analysis`, `Retargeting`, `PlannedTrajectory`, `Replay` or `ToPose`; a `MarkerFit`,
-            which the `Markers` may follow; `Markers`; a `Model`, which a configuration may follow;
-            a `Playback`; a list of these, or a dictionary whose keys are their titles. The model of
-            a motion of a person's arms may be left out.
+            `MotionSolution`, whose `Model` may follow where its metric has none; a tuple or list
+            of `Synergy`, likewise; a `Recording`, `Analysis`, `Retargeting`, `PlannedTrajectory`,
+            `Replay` or `ToPose`; a `MarkerFit`, which the `Markers` may follow; `Markers`; a
+            `Model`, which a configuration may follow; a `Playback`; a list of these, or a
+            dictionary whose keys are their titles. The model of a motion of a person's arms may be
+            left out.
         title: title of the whole.
 
     Raises:
