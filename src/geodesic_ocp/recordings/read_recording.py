@@ -22,6 +22,7 @@ from geodesic_ocp.model.human import (
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
+from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis, as_axis
@@ -30,7 +31,6 @@ from geodesic_ocp.recordings.recording import (
     ask_about_limits,
     check_plausible,
     check_radians,
-    named_failures,
     warn_of_gimbal_lock,
 )
 from geodesic_ocp.trajectory.motion import Motion, Subject

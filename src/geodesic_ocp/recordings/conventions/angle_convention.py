@@ -11,25 +11,10 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_number, as_vector
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.continuous_angles import direction
 from geodesic_ocp.records import read_json_or_toml
 
-AXES = ("x", "y", "z", "-x", "-y", "-z")
 _TURNS_BACK = (-1.0, -1.0, 1.0)  # of an axis mirrored at the plane x-y
-
-
-def direction(axis: str | tuple[float, float, float]) -> Array:
-    """Return unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
-    if isinstance(axis, str):
-        if axis not in AXES:
-            raise ValueError(f"axis must be one of {', '.join(AXES)} or 3 numbers, got {axis!r}")
-        vector = np.zeros(3)
-        vector["xyz".index(axis[-1])] = -1.0 if axis[0] == "-" else 1.0
-        return vector
-    vector = as_vector("axis", axis, 3)
-    length = float(np.linalg.norm(vector))
-    if length < 1e-6:
-        raise ValueError(f"axis must not be zero, got {axis!r}")
-    return vector / length
 
 
 @dataclass(frozen=True)

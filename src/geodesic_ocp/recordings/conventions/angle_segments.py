@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
@@ -14,8 +13,8 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
     SegmentRelation,
-    direction,
 )
+from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
 from geodesic_ocp.trajectory.motion import FrameMotion, Subject
 
@@ -129,8 +128,5 @@ def _product(
         angle = np.full(count, np.radians(rotation.offset))
         if rotation.column is not None and rotation.column in columns:
             angle = angle + rotation.sign * columns[rotation.column]
-        turns = scipy.spatial.transform.Rotation.from_rotvec(
-            angle[:, None] * direction(rotation.axis)
-        )
-        product = product @ turns.as_matrix()
+        product = product @ axis_rotation(rotation.axis, angle)
     return product

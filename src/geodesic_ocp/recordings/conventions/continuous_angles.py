@@ -1,11 +1,12 @@
-"""Angles of three successive rotations about different axes, continuous over time."""
+"""Rotations about axes, and the angles of three successive ones, continuous over time."""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_vector
 
 # Cosine of the second angle below which the other two are not determined one by one: rounding
 # errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
@@ -13,27 +14,32 @@ _LOCKED = 1e-7
 _HALF_TURN = np.full(3, np.pi)
 
 
-def axis_rotation(axis: str, angles: ArrayLike) -> Array:
-    """Return matrices (..., 3, 3) of rotations about the axis "x", "y" or "z" by angles (...)
-    [rad].
-    """
-    angle = np.asarray(angles, dtype=float)
-    i = "xyz".index(axis)
-    j, k = (i + 1) % 3, (i + 2) % 3
-    matrix = np.zeros((*angle.shape, 3, 3))
-    matrix[..., i, i] = 1.0
-    matrix[..., j, j] = matrix[..., k, k] = np.cos(angle)
-    matrix[..., k, j] = np.sin(angle)
-    matrix[..., j, k] = -matrix[..., k, j]
-    return matrix
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
+def direction(axis: str | tuple[float, float, float]) -> Array:
+    """Return unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
+    if isinstance(axis, str):
+        if axis not in AXES:
+            raise ValueError(f"axis must be one of {', '.join(AXES)} or 3 numbers, got {axis!r}")
+        return np.asarray(np.eye(3)["xyz".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0))
+    vector = as_vector("axis", axis, 3)
+    length = float(np.linalg.norm(vector))
+    if length < 1e-6:
+        raise ValueError(f"axis must not be zero, got {axis!r}")
+    return vector / length
+
+
+def axis_rotation(axis: str | tuple[float, float, float], angles: ArrayLike) -> Array:
+    """Return matrices (..., 3, 3) of rotations about an axis by angles (...) [rad]."""
+    vectors = np.multiply.outer(np.asarray(angles), direction(axis))
+    return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix())
 
 
 def successive_rotations(axes: str, angles: Array) -> Array:
     """Return the product R_axes[0](angles[:, 0]) R_axes[1](angles[:, 1]) ...: (k, 3, 3)."""
-    product = np.broadcast_to(np.eye(3), (len(angles), 3, 3))
-    for axis, column in zip(axes, angles.T, strict=True):
-        product = product @ axis_rotation(axis, column)
-    return product
+    turns = scipy.spatial.transform.Rotation.from_euler(axes.upper(), angles)
+    return np.asarray(turns.as_matrix())
 
 
 def continuous_angles(

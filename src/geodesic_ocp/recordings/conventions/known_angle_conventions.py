@@ -20,9 +20,9 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
     SegmentRelation,
-    direction,
     mirrored,
 )
+from geodesic_ocp.recordings.conventions.continuous_angles import direction
 
 Axis = tuple[float, float, float]
 

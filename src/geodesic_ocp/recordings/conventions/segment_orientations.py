@@ -16,18 +16,10 @@ ARM_JOINTS = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")  # after R or L, before 
 TRUNK_JOINTS = ("BPx", "BPz", "BPy", "BTx", "BTz", "BTy")  # before _joint
 SIDES: tuple[Literal["right", "left"], ...] = ("right", "left")
 
+TRUNK = ("pelvis", "abdomen", "thorax")
+ARM = ("upper arm", "forearm", "hand")  # after a side
 #: Names of the segments; those of the arms begin with "right" or "left".
-SEGMENTS = (
-    "pelvis",
-    "abdomen",
-    "thorax",
-    "right upper arm",
-    "right forearm",
-    "right hand",
-    "left upper arm",
-    "left forearm",
-    "left hand",
-)
+SEGMENTS = (*TRUNK, *(f"{side} {part}" for side in SIDES for part in ARM))
 
 _ORTHONORMAL = 1e-6
 

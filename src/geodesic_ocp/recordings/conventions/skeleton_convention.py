@@ -78,8 +78,7 @@ class SkeletonConvention:
             raise ValueError(f"rest must be {' or '.join(map(repr, RESTS))}, got {self.rest!r}")
         for segment, angle in self.twist.items():
             as_number(f"twist of the {segment}", angle)
-        if self.unit is not None:
-            metres_per_unit(self.unit)
+        metres_per_unit(self.unit)
 
     def __repr__(self) -> str:
         return f"SkeletonConvention({self.name!r}, {len(self.joints)} segments)"
@@ -99,19 +98,23 @@ def _names(segment: str, given: object) -> tuple[str, ...]:
     return tuple(listed)
 
 
-def metres_per_unit(unit: str | float) -> float:
-    """Return metres per unit of length, from its name or as it is given.
+def metres_per_unit(
+    unit: str | float | None, convention: SkeletonConvention | None = None
+) -> float | None:
+    """Return metres per unit of length, or of the convention's unit if none is given.
 
     Raises:
         ValueError: an unknown name, or a number that is not positive.
     """
+    if unit is None:
+        unit = convention.unit if convention is not None else None
     if isinstance(unit, str):
         if unit not in UNITS:
             raise ValueError(
                 f"unit must be 'm', 'cm', 'mm', 'in' or a number of metres, got {unit!r}"
             )
         return UNITS[unit]
-    return as_positive("unit", unit, "m")
+    return None if unit is None else as_positive("unit", unit, "m")
 
 
 def _both_sides(**names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
