@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_number, as_vector
-from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.continuous_angles import direction
-from geodesic_ocp.records import read_json_or_toml
 
 _TURNS_BACK = (-1.0, -1.0, 1.0)  # of an axis mirrored at the plane x-y
 
@@ -188,31 +184,3 @@ def mirrored(relation: SegmentRelation) -> SegmentRelation:
         rotations=tuple(turned(each) for each in relation.rotations),
         neutral=tuple(turned(each) for each in relation.neutral),
     )
-
-
-Stated = TypeVar("Stated", bound=Any)
-
-
-def from_record(kind: type[Stated], file: Path, required: str, what: str) -> Stated:
-    """Return the dataclass of this kind whose attributes are the keys of a JSON or TOML file.
-
-    Args:
-        kind: has the attribute `name`, for which the name of the file stands in.
-        file: to read.
-        required: attribute that the file must have.
-        what: the content is, for messages, such as "a convention".
-
-    Raises:
-        RecordingError: the file is missing or malformed, or its keys or values are others.
-    """
-    record = read_json_or_toml(file, "convention")
-    known = [each.name for each in fields(kind)]
-    if not isinstance(record, dict) or required not in record or not set(record) <= set(known):
-        raise RecordingError(
-            f"{file}: {what} has the keys {', '.join(known)}, of which {required!r} is required"
-        )
-    try:
-        stated: Stated = kind(**{"name": file.stem, **record})
-    except (AttributeError, TypeError, ValueError) as failure:
-        raise RecordingError(f"{file}: {failure}") from None
-    return stated

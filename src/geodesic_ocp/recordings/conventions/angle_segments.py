@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,42 +14,25 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     SegmentRelation,
 )
 from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation
-from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
-from geodesic_ocp.trajectory.motion import FrameMotion, Subject
-
-TRUNK = ("pelvis", "abdomen", "thorax")
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ConvertedAngles:
-    """Orientations of the segments of a table, and why other segments are left out.
-
-    Attributes:
-        orientations: orientations of the segments whose columns are there.
-        reasons: why segments are left out, by segment.
-    """
-
-    orientations: SegmentOrientations
-    reasons: Mapping[str, str]
-
-    def __repr__(self) -> str:
-        without = f", without {', '.join(self.reasons)}" if self.reasons else ""
-        return f"ConvertedAngles({self.orientations!r}{without})"
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SEGMENTS,
+    TRUNK,
+    SegmentOrientations,
+)
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 
 def segments_of_angles(
     convention: AngleConvention,
     time: Array,
     columns: Mapping[str, Array],
-    subject: Subject | None = None,
-) -> ConvertedAngles:
+) -> SegmentOrientations:
     """Return the orientations of the segments whose columns are in the table.
 
     Args:
         convention: convention of the angles.
         time: (k,) [s].
         columns: columns by name, (k,) [rad], positions [m].
-        subject: the recorded person.
 
     Raises:
         RecordingError: some but not all columns of a segment of the trunk are there.
@@ -90,9 +72,7 @@ def segments_of_angles(
         for segment, offset in convention.offsets.items():
             place = place + frames[segment] @ np.asarray(offset)
         trunk = FrameMotion(rotations["thorax"], place @ change.T)
-    return ConvertedAngles(
-        SegmentOrientations(time, rotations, trunk, subject or Subject()), reasons
-    )
+    return SegmentOrientations(time, rotations, trunk, left_out=reasons)
 
 
 def fits(convention: AngleConvention, names: set[str]) -> int:

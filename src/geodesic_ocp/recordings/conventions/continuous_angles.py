@@ -17,7 +17,7 @@ _HALF_TURN = np.full(3, np.pi)
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
-def direction(axis: str | tuple[float, float, float]) -> Array:
+def direction(axis: str | ArrayLike) -> Array:
     """Return unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
     if isinstance(axis, str):
         if axis not in AXES:
@@ -30,7 +30,7 @@ def direction(axis: str | tuple[float, float, float]) -> Array:
     return vector / length
 
 
-def axis_rotation(axis: str | tuple[float, float, float], angles: ArrayLike) -> Array:
+def axis_rotation(axis: str | ArrayLike, angles: ArrayLike) -> Array:
     """Return matrices (..., 3, 3) of rotations about an axis by angles (...) [rad]."""
     vectors = np.multiply.outer(np.asarray(angles), direction(axis))
     return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix())

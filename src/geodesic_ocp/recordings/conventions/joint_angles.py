@@ -16,7 +16,7 @@ direction is not exact; the hand's orientation always is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -33,9 +33,6 @@ from geodesic_ocp.recordings.conventions.segment_orientations import (
     SegmentOrientations,
 )
 from geodesic_ocp.trajectory.motion import Motion
-
-# Cosine of the second angle below which the other two are not determined one by one: rounding
-# errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
 
 
 def _needs() -> dict[str, tuple[str, ...]]:
@@ -83,7 +80,7 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
         if not wanted:
             raise RecordingError(
                 "no joint of arms or trunk follows from the segments "
-                f"{', '.join(segments) or '(none)'}"
+                f"{', '.join(segments) or '(none)'}{_reasons(orientations, orientations.left_out)}"
             )
     else:
         wanted = list(joints)
@@ -98,7 +95,7 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
             without = ", ".join(name for name, gap in lacking.items() if gap)
             raise RecordingError(
                 f"{without}: the recording has no orientation of {', '.join(missing)}; "
-                f"it has {', '.join(segments)}"
+                f"it has {', '.join(segments)}{_reasons(orientations, missing)}"
             )
     columns = _trunk_angles(orientations)
     for side in SIDES:
@@ -110,6 +107,12 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
         subject=orientations.subject,
         trunk=orientations.trunk,
     )
+
+
+def _reasons(orientations: SegmentOrientations, segments: Iterable[str]) -> str:
+    """Return why segments are left out, as the end of a message."""
+    reasons = orientations.left_out
+    return "".join(f"; {name}: {reasons[name]}" for name in segments if name in reasons)
 
 
 def _missing(segments: Mapping[str, Array], needed: tuple[str, ...]) -> list[str]:

@@ -40,6 +40,7 @@ class SegmentOrientations:
         trunk: pose of the thorax in that space, its origin midway between the shoulders; None if
             its position is not recorded.
         subject: the recorded person.
+        left_out: why other segments are left out, by segment, where the recording says so.
 
     Raises:
         ValueError: an unknown segment, shapes that do not match, values that are not finite, a
@@ -50,6 +51,7 @@ class SegmentOrientations:
     rotations: Mapping[str, Array]
     trunk: FrameMotion | None = None
     subject: Subject = field(default_factory=Subject)
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         time = np.array(self.time, dtype=float)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from geodesic_ocp.arrays import as_number, as_positive
-from geodesic_ocp.recordings.conventions.angle_convention import from_record
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS
+from geodesic_ocp.recordings.conventions.stated import as_stated
 from geodesic_ocp.recordings.units import LENGTHS
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
@@ -236,8 +236,4 @@ def as_skeleton_convention(
         RecordingError: the file is missing or malformed, or its keys or values are others.
         ValueError: the argument is neither a convention nor a path.
     """
-    if given is None or isinstance(given, SkeletonConvention):
-        return given
-    if not isinstance(given, (str, Path)):
-        raise ValueError(f"convention must be a SkeletonConvention or a file, got {given!r}")
-    return from_record(SkeletonConvention, Path(given), "joints", "a convention")
+    return as_stated(SkeletonConvention, given, "convention", "a convention")
