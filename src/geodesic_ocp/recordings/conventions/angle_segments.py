@@ -77,14 +77,10 @@ def segments_of_angles(
 
 def fits(convention: AngleConvention, names: set[str]) -> int:
     """Return how many of these columns the convention needs; 0 if it gives no arm from them."""
-    used = [set(each.columns) for each in convention.relations if set(each.columns) <= names]
-    arms = any(
-        relation.segment.endswith("upper arm")
-        and not relation.refusal
-        and set(relation.columns) <= names
-        for relation in convention.relations
-    )
-    return len(set().union(*used)) if arms else 0
+    used = [each for each in convention.relations if set(each.columns) <= names]
+    if not any(each.segment.endswith("upper arm") and not each.refusal for each in used):
+        return 0
+    return len({column for each in used for column in each.columns})
 
 
 def _reason(
