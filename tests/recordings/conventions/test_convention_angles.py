@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recordings.motion_segments import segment_orientations
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
@@ -29,7 +30,6 @@ from geodesic_ocp.recordings.conventions.known_angle_conventions import (
     OPENSIM_UPPER_LIMB,
 )
 from geodesic_ocp.recordings.conventions.read_convention import as_convention
-from geodesic_ocp.recordings.conventions.segment_orientations import segment_orientations
 
 TIME = np.array([0.0, 1.0])
 RIGHT, FORWARD, UP = np.eye(3)
