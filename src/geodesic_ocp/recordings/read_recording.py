@@ -164,25 +164,15 @@ def read_recording(
             out of range.
         NotConverged: no motion was fitted to the markers.
     """
-    given = {"cutoff": cutoff, "duration": duration}
-    named = [name for name, number in given.items() if number is not None]
-    if len(named) + unfiltered > 1:
-        raise ValueError(f"give only one of cutoff, duration and unfiltered, got {given}")
-    units = {"cutoff": "Hz", "duration": "s", "height": "m", "mass": "kg"}
-    for name, number in (given | {"height": height, "mass": mass}).items():
-        if number is not None:
-            as_positive(name, number, units[name])
+    numbers = {"height": height, "mass": mass, "cutoff": cutoff, "duration": duration}
+    check_arguments(side, up, numbers, unfiltered=unfiltered)
     file = Path(path)
-    human_arm(side)  # raises for another side
-    if up is not None:
-        as_axis(up)
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
     of_markers = {"up": up, "marker_set": marker_set}
     with named_failures(file):
         kind = recognise(file)
-    check_stated(
-        file, kind, [name for name, each in (stated | of_markers).items() if each is not None]
-    )
+    every = stated | of_markers
+    check_stated(file, kind, [name for name, each in every.items() if each is not None])
     if FORMATS[kind].content == "markers":
         fit = _from_markers(file, side, height, mass, armature, of_markers)
         arm, motion = fit.model, fit.motion
@@ -197,11 +187,45 @@ def read_recording(
         warn_of_gimbal_lock(motion, str(file))
         if resample is not None:
             motion = motion.resampled(resample)
-        smooth = unfiltered or (fit is not None and not named)  # the fit has smoothed it
-        motion = with_velocity(motion, cutoff, duration, unfiltered=smooth)
+        if fit is not None and cutoff is None and duration is None:
+            unfiltered = True  # the fit has smoothed it
+        motion = with_velocity(motion, cutoff, duration, unfiltered=unfiltered)
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from None
     return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name, fit)
+
+
+def check_arguments(
+    side: Side,
+    up: Axis | None,
+    numbers: Mapping[str, Any],
+    *,
+    unfiltered: bool = False,
+) -> None:
+    """Check arguments of `read_recording` that do not depend on the file.
+
+    Args:
+        side: "right" or "left".
+        up: axis that points upwards, or None.
+        numbers: height, mass, cutoff and duration.
+        unfiltered: whether the motion is not to be filtered.
+
+    Raises:
+        ValueError: another side or axis, a number that is not positive, or several filters.
+    """
+    units = {"cutoff": "Hz", "duration": "s", "height": "m", "mass": "kg"}
+    given = [name for name in units if numbers[name] is not None]
+    for name in given:
+        as_positive(name, numbers[name], units[name])
+    filters = [
+        f"{numbers[name]:g} {units[name]}" for name in given if name in ("cutoff", "duration")
+    ]
+    if len(filters) + unfiltered > 1:
+        allowed = "cutoff, duration and unfiltered" if unfiltered else "cutoff and duration"
+        raise ValueError(f"give only one of {allowed}, got {' and '.join(filters)}")
+    human_arm(side)  # raises for another side
+    if up is not None:
+        as_axis(up)
 
 
 def _arm_of(
