@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -32,9 +33,9 @@ class AxisRotation:
     optional: bool = False
 
     def __post_init__(self) -> None:
+        axis = direction(self.axis)
         if not isinstance(self.axis, str):
-            object.__setattr__(self, "axis", tuple(direction(self.axis).tolist()))
-        direction(self.axis)
+            object.__setattr__(self, "axis", tuple(axis.tolist()))
         if self.column is not None and (not isinstance(self.column, str) or not self.column):
             raise ValueError(f"column must be a name or None, got {self.column!r}")
         as_number("sign", self.sign)
@@ -68,8 +69,7 @@ class SegmentRelation:
             raise ValueError(f"refusal must be a sentence, got {self.refusal!r}")
         object.__setattr__(self, "rotations", tuple(self.rotations))
         object.__setattr__(self, "neutral", tuple(self.neutral))
-        constant = [each.column is None for each in self.neutral]
-        if not all(constant):
+        if any(each.column is not None for each in self.neutral):
             raise ValueError(f"neutral rotations of the {self.segment} must have no column")
 
     @property
@@ -170,11 +170,9 @@ def mirrored(relation: SegmentRelation) -> SegmentRelation:
     """
 
     def turned(rotation: AxisRotation) -> AxisRotation:
-        axis = direction(rotation.axis) * _TURNS_BACK
-        column = rotation.column
-        if column is not None:
-            column = column.removesuffix("_r") + "_l" if column.endswith("_r") else column
-        return replace(rotation, axis=(axis[0], axis[1], axis[2]), column=column)
+        x, y, z = (direction(rotation.axis) * _TURNS_BACK).tolist()
+        column = re.sub("_r$", "_l", rotation.column or "") or None
+        return replace(rotation, axis=(x, y, z), column=column)
 
     parent = relation.parent
     return replace(

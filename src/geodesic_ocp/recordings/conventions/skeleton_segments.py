@@ -300,7 +300,7 @@ def neutral_frames(
             "points up": upper[2] > _UPWARDS,
             "is folded": lower @ upper < -_UPWARDS,
         }
-        for fault in (each for each, is_so in faults.items() if is_so):
+        if fault := next((each for each, is_so in faults.items() if is_so), None):
             raise RecordingError(
                 f"the {side} arm {fault} in the rest pose, which must be that of a person who "
                 "stands with straight arms; if that is the first frame, state rest='first frame' "

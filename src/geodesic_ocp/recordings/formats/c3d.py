@@ -67,10 +67,12 @@ class C3dHeader:
         values = self.parameters.get((group, name))
         return [value.strip(" \0") for value in values] if isinstance(values, list) else []
 
-    def numbers(self, group: str, name: str, count: int = 1) -> Array | None:
-        """Return at least `count` numbers of a parameter, or None."""
+    def number(self, group: str, name: str, words: int = 1) -> float | None:
+        """Return the number in the first words of 16 bits of a parameter, None without them."""
         values = self.parameters.get((group, name))
-        return None if values is None or isinstance(values, list) or len(values) < count else values
+        if values is None or isinstance(values, list) or len(values) < words:
+            return None
+        return float(np.array([1.0, 65536.0])[:words] @ values[:words])
 
     @property
     def frames(self) -> int:
@@ -78,13 +80,12 @@ class C3dHeader:
         count = self.last - self.first + 1
         if self.first <= self.last < _SATURATED:
             return count
-        start = self.numbers("TRIAL", "ACTUAL_START_FIELD", 2)
-        end = self.numbers("TRIAL", "ACTUAL_END_FIELD", 2)
+        start = self.number("TRIAL", "ACTUAL_START_FIELD", 2)
+        end = self.number("TRIAL", "ACTUAL_END_FIELD", 2)
         if start is not None and end is not None:
-            words = np.array([1.0, 65536.0])
-            return int(words @ end[:2] - words @ start[:2]) + 1
-        long = self.numbers("POINT", "LONG_FRAMES")
-        return int(long[0]) if long is not None and math.isfinite(long[0]) else count
+            return int(end - start) + 1
+        long = self.number("POINT", "LONG_FRAMES")
+        return int(long) if long is not None and math.isfinite(long) else count
 
 
 def read_c3d_header(content: bytes) -> C3dHeader:
@@ -222,19 +223,19 @@ def read_c3d(file: Path) -> Markers:
 
 def _check_counts(header: C3dHeader, size: int) -> None:
     """RecordingError if header and parameters differ, or count more frames than there are."""
-    used, rate = header.numbers("POINT", "USED"), header.numbers("POINT", "RATE")
-    if used is not None and used[0] != header.points:
+    for what, count, name in (
+        ("points", header.points, "USED"),
+        ("frames", header.frames, "FRAMES"),
+    ):
+        stated = header.number("POINT", name)
+        if stated is not None and count < _SATURATED and stated != count:
+            raise RecordingError(
+                f"is broken: the header counts {count} {what}, POINT:{name} {stated:g}"
+            )
+    rate = header.number("POINT", "RATE")
+    if rate is not None and not abs(rate - header.rate) <= _SAME_RATE * header.rate:
         raise RecordingError(
-            f"is broken: the header counts {header.points} points, POINT:USED {used[0]:g}"
-        )
-    if rate is not None and not abs(rate[0] - header.rate) <= _SAME_RATE * header.rate:
-        raise RecordingError(
-            f"is broken: the rate is {header.rate:g} Hz in the header, {rate[0]:g} Hz in POINT:RATE"
-        )
-    counted = header.numbers("POINT", "FRAMES")
-    if counted is not None and header.frames < 65535 and counted[0] != header.frames:
-        raise RecordingError(
-            f"is broken: the header counts {header.frames} frames, POINT:FRAMES {counted[0]:g}"
+            f"is broken: the rate is {header.rate:g} Hz in the header, {rate:g} Hz in POINT:RATE"
         )
     held = max(size - header.data, 0) // _frame_size(header)
     if header.frames < 1:

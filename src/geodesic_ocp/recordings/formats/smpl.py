@@ -137,13 +137,12 @@ def _arrays(file: Path) -> dict[str, Array]:
 def _needed(names: list[str]) -> list[str]:
     """Return the names of the arrays of poses and of the rate."""
     rate = [name for name in _RATES if name in names][:1]
-    parts = "poses" not in names and set(_PARTS) <= set(names)
-    poses = [*_PARTS] if parts else ["poses"]
-    there = set(poses) <= set(names)
-    if not there or not rate:
-        missing = " or ".join(map(repr, _RATES)) if there else "'poses'"
+    poses = _PARTS if "poses" not in names and set(_PARTS) <= set(names) else ("poses",)
+    missing = " or ".join(map(repr, _RATES)) if not rate else ""
+    missing = missing if set(poses) <= set(names) else "'poses'"
+    if missing:
         raise RecordingError(
             f"there is no {missing} in it, as files of AMASS have; there are "
             f"{', '.join(names[:20]) or 'no arrays'}"
         )
-    return poses + rate
+    return [*poses, *rate]
