@@ -234,5 +234,5 @@ def point_in(
 ) -> Array:
     """Return a point (3,) of another body in the axes of this one, at one sample of coordinates."""
     poses = body_poses(model, pose, (body, other))
-    (rotation, origin), (turned, place) = ((r[0], p[0]) for r, p in poses.values())
+    (rotation, origin), (turned, place) = ((r[0], p[0]) for r, p in (poses[body], poses[other]))
     return np.asarray(rotation.T @ (place + turned @ point - origin))
