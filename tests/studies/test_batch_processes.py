@@ -16,6 +16,7 @@ import pytest
 from deadly_path import DeadlyPath, EndlessPath
 
 import geodesic_ocp as go
+from geodesic_ocp.studies import processes
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import completed, in_executor, in_processes
 from geodesic_ocp.studies.result_files import RecordingOutcome, RecordingTask, locked
@@ -87,6 +88,21 @@ def test_a_recording_that_takes_too_long_is_left_out(folder: Path) -> None:
     assert (endless.kind, endless.text) == ("process", "took longer than the time limit")
     assert {each.kind for each in found.values()} == {"file"}
     assert len(found) == 3
+
+
+def test_processes_are_renewed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five recordings through one process, which is renewed after every second."""
+    pools = []
+
+    class InThread(ThreadPoolExecutor):
+        def __init__(self, jobs: int, **_: Any) -> None:
+            pools.append(jobs)
+            super().__init__(jobs)
+
+    monkeypatch.setattr(processes, "_RENEWAL", 2)
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", InThread)
+    assert len(by_name(in_processes(iter(tasks(folder, 5)), 1))) == 5
+    assert pools == [1, 1, 1]
 
 
 @pytest.mark.slow

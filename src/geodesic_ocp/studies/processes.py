@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import (
@@ -18,7 +17,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager, suppress
-from itertools import islice
+from itertools import chain, islice
 from multiprocessing import connection
 from pathlib import Path
 from typing import Any
@@ -43,7 +42,8 @@ def completed(
         while True:
             for task in () if broken else islice(tasks, window - len(pending)):
                 try:
-                    future = executor.submit(run_task, task)
+                    with one_thread():  # processes start when something is submitted
+                        future = executor.submit(run_task, task)
                 except BrokenExecutor as failure:
                     broken, future = True, Future()
                     future.set_exception(failure)
@@ -158,8 +158,9 @@ def usable_cores() -> int:
 
 _UNLIKELY_PARENT = "500"  # the system's choice when memory is short falls on these processes
 _AHEAD = 2  # tasks submitted for each process
-# Recordings after which a process is replaced, so that its memory stays bounded.
-_RENEWAL: dict[str, Any] = {"max_tasks_per_child": 100} if sys.version_info >= (3, 11) else {}
+# Recordings for each process, after which all are renewed, so that their memory stays bounded.
+# Executors' own `max_tasks_per_child` can stop for ever while tasks wait (CPython issue 115634).
+_RENEWAL = 100
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -192,19 +193,18 @@ def _end_with(parent: Any) -> None:
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[Executor]:
-    """Yield processes with one thread each, which are killed if the body raises."""
+    """Yield an executor of processes, which are killed if the body raises."""
     others = set(multiprocessing.active_children())
-    with one_thread():
-        pool = ProcessPoolExecutor(jobs, mp_context=_CONTEXT, initializer=_start, **_RENEWAL)
-        try:
-            yield pool
-        except BaseException:
-            for process in set(multiprocessing.active_children()) - others:
-                with suppress(ValueError):  # it is closed
-                    process.kill()
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    pool = ProcessPoolExecutor(jobs, mp_context=_CONTEXT, initializer=_start)
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - others:
+            with suppress(ValueError):  # it is closed
+                process.kill()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def in_processes(tasks: Iterator[RecordingTask], jobs: int) -> Iterator[RecordingOutcome]:
@@ -221,11 +221,11 @@ def in_processes(tasks: Iterator[RecordingTask], jobs: int) -> Iterator[Recordin
         GeodesicOcpError: processes cannot be started.
         OSError: a result cannot be written.
     """
-    lost: list[RecordingTask] | None = None
-    while lost is None or lost:
-        lost = []
+    for first in tasks:
+        lost: list[RecordingTask] = []
+        some = chain([first], islice(tasks, _RENEWAL * jobs - 1))
         with _pool(jobs) as pool:
-            for task, future in completed(pool, tasks, _AHEAD * jobs):
+            for task, future in completed(pool, some, _AHEAD * jobs):
                 if isinstance(failure_of(future), BrokenExecutor):
                     lost.append(task)
                 else:
