@@ -20,7 +20,7 @@ from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.retargeting.alignment.align import read_alignment
 from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.result_files import FORMAT as RESULT
-from geodesic_ocp.studies.result_files import CollectedResults, read_result
+from geodesic_ocp.studies.result_files import equal_motions, read_result
 from geodesic_ocp.studies.sources import RecordingSource
 from geodesic_ocp.studies.study_tables import IDENTITY, RECORDINGS
 from geodesic_ocp.synergies.synergy import read_saved_synergies
@@ -86,7 +86,7 @@ def use_result(file: Path) -> None:
     """A damaged result counts as missing; one that is read can be told of and collected."""
     if (record := read_result(file)) is not None:
         str(outcome_of(RecordingSource(file, file.name, "right"), "key", record))
-        CollectedResults().add(record)
+        assert not equal_motions([record])
 
 
 READERS: dict[str, Callable[[Path], object]] = {

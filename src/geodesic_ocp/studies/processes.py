@@ -79,29 +79,32 @@ def in_executor(
         GeodesicOcpError: the executor itself is broken; what is finished stays.
         OSError: a result cannot be written.
     """
-    again: list[tuple[RecordingTask, str]] = []
+    again = {}
     for task, future in completed(executor, tasks, window):
-        failure = failure_of(future)
-        if failure is None:
+        if (failure := _loss(executor, future)) is None:
             yield future.result()
-        elif isinstance(failure, BrokenExecutor):
-            raise _broken(executor, failure)
-        elif _is_of_the_folder(failure):
-            raise failure
         else:
-            again.append((task, _named(failure)))
-    for task, first in again:
+            again[task] = _named(failure)
+    for task, first in again.items():
         for _, future in completed(executor, iter([task]), 1):
-            second = failure_of(future)
-            if second is None:
+            if (failure := _loss(executor, future)) is None:
                 yield future.result()
-            elif isinstance(second, BrokenExecutor):
-                raise _broken(executor, second)
-            elif _is_of_the_folder(second):
-                raise second
             else:
-                text = f"failed twice in its executor: {first}; then {_named(second)}"
+                text = f"failed twice in its executor: {first}; then {_named(failure)}"
                 yield RecordingOutcome(task.source, "process", text)
+
+
+def _loss(executor: Executor, future: Future[RecordingOutcome]) -> BaseException | None:
+    """Return why a recording was lost; raises what ends the run."""
+    failure = failure_of(future)
+    if isinstance(failure, BrokenExecutor):
+        raise GeodesicOcpError(
+            f"the {type(executor).__name__} has ended early ({_named(failure)}); finished "
+            "recordings are kept: run again with another one"
+        )
+    if failure is not None and _is_of_the_folder(failure):
+        raise failure
+    return failure
 
 
 def _is_of_the_folder(failure: BaseException) -> bool:
@@ -115,13 +118,6 @@ def _is_of_the_folder(failure: BaseException) -> bool:
 
 def _named(failure: BaseException) -> str:
     return f"{type(failure).__name__}: {' '.join(str(failure).split())}".rstrip(": ")
-
-
-def _broken(executor: Executor, failure: BaseException) -> GeodesicOcpError:
-    return GeodesicOcpError(
-        f"the {type(executor).__name__} has ended early ({_named(failure)}); finished recordings "
-        "are kept: run again with another one"
-    )
 
 
 _VARIABLES = (
