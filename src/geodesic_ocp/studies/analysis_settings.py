@@ -165,15 +165,5 @@ class AnalysisSettings(RecordingSettings):
         """Return the optimal segments of a filtered motion; None for those of the online rule."""
         if self.segments == "online":
             return None
-        return segment_optimal(
-            metric,
-            motion,
-            count=self.count,
-            penalty=self.penalty,
-            error=self.error,
-            measure=self.measure,
-            model=model,
-            spacing=self.spacing,
-            max_duration=self.max_duration,
-            progress=progress,
-        )
+        wanted = {name: getattr(self, name) for name in _OPTIMAL}
+        return segment_optimal(metric, motion, model=model, progress=progress, **wanted)

@@ -175,7 +175,7 @@ class MethodComparison:
         """
         tests = self.tests(score, against, by=by, confidence=confidence, seed=seed)
         unit = SCORES[score].partition("[")[2]
-        notes = [test.note or "-" for test in tests.values()]
+        notes = [test.note for test in tests.values()]
         columns = [f"against {against}, by {by}", "wins"]
         columns.append(f"mean difference{' [' * bool(unit)}{unit}")
         columns += [f"{confidence:.0%} interval", "sign test p", "Wilcoxon p"]
@@ -189,9 +189,9 @@ class MethodComparison:
         ]
         found = new_table(columns, rows)
         if len(set(notes)) > 1:
-            found["note"] = notes
+            found["note"] = [note or "-" for note in notes]
         elif notes:
-            found.attrs["note"] = notes[0].strip("-")
+            found.attrs["note"] = notes[0]
         return found
 
 

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,7 +89,6 @@ def draw_error_curves(
     curves: Mapping[str, tuple[Series, int]],
     points: Mapping[str, Series],
     measure: str,
-    max_count: int | None,
 ) -> None:
     """Draw one curve for each name, marked at its best number, and hollow marks for its points.
 
@@ -98,13 +97,11 @@ def draw_error_curves(
         curves: errors by the number of segments, and the best number.
         points: errors by the number of segments.
         measure: for the label of the axis.
-        max_count: largest number shown.
     """
     marked = [best for _, best in curves.values()]
     marked += [count for found in points.values() for count in found.index]
     largest = max(int(errors.index[-1]) for errors, _ in curves.values())
-    if max_count is None:
-        max_count = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked, default=0))))
+    max_count = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked))))
     visible: list[float] = []
     for (name, (errors, best)), style in zip(curves.items(), _styles(len(curves)), strict=True):
         mark, line = style["marker"], {**style, "marker": "none"}
@@ -161,7 +158,7 @@ def _add_legend(axes: Axes, has_points: bool) -> None:
     axes.legend(handles=handles, fontsize="small", frameon=True, framealpha=0.9)
 
 
-_MEASURES: tuple[Measure, ...] = ("joint", "position", "orientation")
+_MEASURES: tuple[Measure, ...] = get_args(Measure)
 _SHOWN = (4, 8, 12, 16, 20, 24)  # of many numbers of segments
 _HEADER = ("metric", "cuts", "segments", "joints [rad]", "hand [m]", "hand [rad]")
 
@@ -243,9 +240,7 @@ class MetricComparison:
                 rows.append((name, f"online, {threshold:g} rad", *found))
         return new_table(_HEADER, rows)
 
-    def draw(
-        self, axes: Axes, measure: Measure | None = None, *, max_count: int | None = None
-    ) -> None:
+    def draw(self, axes: Axes, measure: Measure | None = None) -> None:
         """Draw error against number of segments into axes, with a legend.
 
         Curves are optimal cuts, their filled marks the numbers worth having, hollow marks the
@@ -254,7 +249,6 @@ class MetricComparison:
         Args:
             axes: axes of matplotlib.
             measure: measure of the error; None is the one that the cuts minimize.
-            max_count: largest number shown; None shows somewhat more than what is marked.
 
         Raises:
             ValueError: an unknown measure.
@@ -264,7 +258,7 @@ class MetricComparison:
             raise ValueError(f"measure must be one of {', '.join(_MEASURES)}, got {measure!r}")
         curves = {n: (each[measure], self.best_count(n)) for n, each in self.curves.items()}
         points = {n: each.set_index("segments")[measure] for n, each in self.online.items()}
-        draw_error_curves(axes, curves, points, measure, max_count)
+        draw_error_curves(axes, curves, points, measure)
 
     def plot(self) -> Figure:
         """Return error against number of segments in all three measures."""
