@@ -6,12 +6,13 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from cyclopts import Parameter
 
 from geodesic_ocp.cli.kinds import Kind, file_kind, folder_files
-from geodesic_ocp.cli.options import Sides, each_side
+from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides, each_side
 from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.cli.terminal import printed_warnings, progress
 from geodesic_ocp.errors import RecordingError
@@ -53,30 +54,33 @@ from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
-_NO_FACTS = RecordingSettings()
+_ROBOTS = Parameter(group="Robots, trajectories, alignments and solutions", show_default=False)
 _Found: TypeAlias = tuple[Path | str, Kind]
 
 
 @dataclass(frozen=True)
 class Shown:
-    """Options of `geodesic-ocp show` about what is in the files; see `geodesic_ocp.cli.show`.
+    """Options of `geodesic-ocp show` about what is in the files.
 
     Attributes:
-        side: the arm of recordings; None: the right arm, or the left one if there is no other.
+        side: the arm; default: the right one, or the left one if there is no other.
         recording: facts about recordings that their files may not state.
-        analyse: cut recordings into synergies first.
-        robot: names or files of the robots of trajectories and alignments.
-        hand, base: frames of robots.
+        analyse: cut each recording into synergies first, as geodesic-ocp analyse does by default,
+            and show what they predict.
+        robot: robot of a trajectory or an alignment: a name (see geodesic-ocp models) or a file
+            (URDF, MJCF); twice for two arms, in the order of the trajectory.
+        hand: hand (end-effector) frame of robots; default: the last.
+        base: fixed frame of robots that is their base.
         problem: Python file of the problem of a solution.
     """
 
     side: Sides | None = None
-    recording: RecordingSettings = _NO_FACTS
-    analyse: bool = False
-    robot: Sequence[str] = ()
-    hand: str | None = None
-    base: str | None = None
-    problem: Path | None = None
+    recording: RecordingOptions = RecordingSettings()  # noqa: RUF009
+    analyse: Flag = False
+    robot: Annotated[Sequence[str], _ROBOTS] = ()
+    hand: Annotated[str | None, _ROBOTS] = None
+    base: Annotated[str | None, _ROBOTS] = None
+    problem: Annotated[Path | None, _ROBOTS] = None
 
     def playbacks(self, files: Sequence[str]) -> list[Playback]:
         """Return what is in the files, in their order; synergies with their recording, if given.
