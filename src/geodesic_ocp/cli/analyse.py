@@ -166,15 +166,24 @@ def _show_fit(fit: MarkerFit, folder: Path | None) -> None:
         print()
 
 
-def _analysed(recording: Recording, settings: AnalysisSettings, file: str) -> Analysis:
-    """Analyse a recording, and print the results."""
+def analysed(recording: Recording, settings: AnalysisSettings, name: str) -> Analysis:
+    """Analyse a recording with a progress bar.
+
+    Raises:
+        ValueError: the recording cannot be analysed, such as one that is too short; names it.
+    """
     metric = settings.metric_of(recording.model)
-    start = time.perf_counter()
     try:
         with progress() as bar:
-            analysis = analyse_recording(recording, settings, metric=metric, progress=bar)
+            return analyse_recording(recording, settings, metric=metric, progress=bar)
     except ValueError as error:
-        raise ValueError(f"{file}: {error}") from None
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _analysed(recording: Recording, settings: AnalysisSettings, file: str) -> Analysis:
+    """Analyse a recording, and print the results."""
+    start = time.perf_counter()
+    analysis = analysed(recording, settings, file)
     _summarize(analysis, settings, time.perf_counter() - start, recording.fit)
     return analysis
 

@@ -11,10 +11,11 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from cyclopts import Parameter
 
+from geodesic_ocp.cli.analyse import analysed
 from geodesic_ocp.cli.kinds import Kind, file_kind, folder_files
 from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides, each_side
 from geodesic_ocp.cli.solve import problem_classes
-from geodesic_ocp.cli.terminal import printed_warnings, progress
+from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, trunk
 from geodesic_ocp.model.combine import combine
@@ -46,7 +47,6 @@ from geodesic_ocp.scenes.recorded import (
     saved_synergies_playback,
 )
 from geodesic_ocp.scenes.scene import Playback
-from geodesic_ocp.studies.analyse_recording import analyse_recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import SYNERGIES
 from geodesic_ocp.synergies.synergy import SavedSynergies, read_saved_synergies
@@ -153,7 +153,10 @@ class Shown:
         """Yield the motion, both arms in one pane, or the person fitted to the markers."""
         found = self._recordings(file, self.side)
         if self.analyse:
-            yield from map(_analysed, found)
+            for recording in found:
+                analysis = analysed(recording, AnalysisSettings(), recording.name)
+                title = f"{recording.name}: {len(analysis.synergies)} geodesic synergies"
+                yield analysis_playback(analysis, title=title)
             return
         if len(found) == 2 and not any(each.fit for each in found):
             yield motion_playback(*_together(*found), title=f"{file.stem}, both arms")
@@ -290,23 +293,6 @@ def _together(right: Recording, left: Recording) -> tuple[Motion, Model]:
     velocity = np.hstack([np.asarray(each.velocity) for each in motions])
     one = motions[0]
     return Motion(one.time, q, model.joint_names, velocity, one.subject, trunk=one.trunk), model
-
-
-def _analysed(recording: Recording) -> Playback:
-    """Return the observed arm and the one that the synergies of a recording predict.
-
-    Raises:
-        ValueError: the recording is too short to be analysed; names it.
-    """
-    settings = AnalysisSettings()
-    metric = settings.metric_of(recording.model)
-    try:
-        with progress() as bar:
-            found = analyse_recording(recording, settings, metric=metric, progress=bar)
-    except ValueError as error:
-        raise ValueError(f"{recording.name}: {error}") from None
-    count = len(found.synergies)
-    return analysis_playback(found, title=f"{recording.name}: {count} geodesic synergies")
 
 
 def _parts(

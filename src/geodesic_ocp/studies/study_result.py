@@ -266,11 +266,7 @@ class StudyResult:
         half = quantile * found["SD"] / np.sqrt(count)
         ends = {"low": found["mean"] - half, "high": found["mean"] + half}
         found = found.assign(**{f"{confidence:.0%} {end}": own for end, own in ends.items()})
-        return self._labelled(found)
-
-    def _labelled(self, table: DataFrame) -> DataFrame:
-        """Get the table with labels of methods, and without the condition if there is only one."""
-        return self._by_condition(_plain(table).rename(index=self.methods, level="method"))
+        return self._by_condition(_plain(found).rename(index=self.methods, level="method"))
 
     def _by_condition(self, table: DataFrame) -> DataFrame:
         """Return the table without the level of the condition if there is only one."""

@@ -87,14 +87,6 @@ TABLES: dict[str, dict[str, Kind]] = {
     "failures": {**IDENTITY, "kind": "text", "reason": "text"},
 }
 
-_METHODS = {
-    "kinetic_energy": "geodesics, kinetic energy",
-    "joint_inertia": "geodesics, kinetic energy with joint inertia",
-    "euclidean_same_segments": "straight lines, same segments",
-    "euclidean": "straight lines, zero-velocity segments",
-    "ik": "inverse kinematics of the hand",
-}
-
 
 def recording_rows(analysis: Analysis) -> list[Row]:
     """Return one row for each method; errors of a method without geodesics are missing."""
@@ -108,14 +100,17 @@ def recording_rows(analysis: Analysis) -> list[Row]:
         "metric": analysis.metric_name,
         "threshold_rad": analysis.threshold,
     }
-    labels = {"riemannian": str(analysis.table().index[0]), **_METHODS}
+    labels = analysis.labels()
     return [
         same
-        | {"method": method, "method_label": label, "segments": analysis.segment_counts.get(method)}
+        | {
+            "method": method,
+            "method_label": labels.get(method, labels["riemannian"]),  # which is the same metric
+            "segments": analysis.segment_counts.get(method),
+        }
         | _errors(analysis.errors.get(method))
         | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
-        for method, label in labels.items()
-        if method in (*analysis.errors, *analysis.not_found)
+        for method in (*analysis.errors, *analysis.not_found)
     ]
 
 
