@@ -14,8 +14,8 @@ STEP = 0.4e-6  # [rad]; two steps are within the tolerance of 1e-6 rad, three ar
 STEPS = st.lists(st.integers(-4, 4), min_size=3, max_size=3)
 
 
-def record(side: str, samples: int, probes: Any) -> dict[str, Any]:
-    return {"identity": {"side": side}, "probes": [samples, np.asarray(probes).tolist()]}
+def motion(side: str, samples: int, probes: Any) -> tuple[str, int, list[float]]:
+    return side, samples, np.asarray(probes).tolist()
 
 
 @given(
@@ -34,17 +34,17 @@ def test_the_first_equal_motion_is_found(offset: list[float], steps: list[list[i
             expected[number] = equal[0]
         else:
             kept[number] = own
-    motions = [np.add(offset, STEP * np.array(own)) for own in steps]
-    assert equal_motions([record("right", 200, each) for each in motions]) == expected
+    q = [np.add(offset, STEP * np.array(own)) for own in steps]
+    assert equal_motions([motion("right", 200, each) for each in q]) == expected
 
 
 def test_side_and_numbers_of_samples_and_joints_tell_motions_apart() -> None:
-    records = [
-        record("right", 200, np.zeros(56)),
-        record("left", 200, np.zeros(56)),
-        record("right", 201, np.zeros(56)),
+    motions = [
+        motion("right", 200, np.zeros(56)),
+        motion("left", 200, np.zeros(56)),
+        motion("right", 201, np.zeros(56)),
         None,
-        record("right", 200, np.zeros(72)),
-        record("right", 200, np.full(56, 1e-7)),
+        motion("right", 200, np.zeros(72)),
+        motion("right", 200, np.full(56, 1e-7)),
     ]
-    assert equal_motions(records) == {5: 0}
+    assert equal_motions(motions) == {5: 0}

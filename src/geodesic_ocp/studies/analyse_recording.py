@@ -38,7 +38,7 @@ from geodesic_ocp.studies.result_files import (
     read_result,
     result_name,
 )
-from geodesic_ocp.studies.sources import RecordingSource, identity, person_row, stature
+from geodesic_ocp.studies.sources import RecordingSource, person_row, stature
 from geodesic_ocp.studies.study_tables import Row, recording_rows, synergy_rows
 from geodesic_ocp.synergies.analyse import Analysis, analyse
 from geodesic_ocp.synergies.synergy import save_synergies
@@ -203,7 +203,6 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
         "settings": settings.record(),
         "own_subject": motion.subject.name,
         "probes": _probes(motion),
-        "identity": identity(source, motion.subject.name),
         "recordings": [same | row for row in recording_rows(analysis)],
         "synergies": [own | row for row in synergy_rows(analysis)],
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import in_executor, in_processes, usable_cores
@@ -33,7 +31,7 @@ from geodesic_ocp.studies.result_files import (
     results_by_key,
     write_tables,
 )
-from geodesic_ocp.studies.sources import RecordingSource, identity, recording_sources
+from geodesic_ocp.studies.sources import RecordingSource, recording_sources
 from geodesic_ocp.studies.study_tables import TABLES, read_table
 
 if TYPE_CHECKING:
@@ -245,14 +243,5 @@ def _tasks(
                     yield RecordingTask(source, settings, folder, key, time_limit)
                     continue
                 else:
-                    _rename(known[key], record, source)
                     outcome = outcome_of(source, key, record)
         add(outcome)
-
-
-def _rename(path: Path, record: dict[str, Any], source: RecordingSource) -> None:
-    """Let a result from before have the names that the recording has now."""
-    now = identity(source, record.get("own_subject", ""))
-    if record["identity"] != now:
-        text = json.dumps(record | {"identity": now}, allow_nan=False)
-        write_file(path, text, lasting=True)

@@ -23,9 +23,8 @@ from scipy.spatial import KDTree
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.records import TEMPORARY, convert, read_record, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.sources import RecordingSource
+from geodesic_ocp.studies.sources import RecordingSource, identity
 from geodesic_ocp.studies.study_tables import (
-    IDENTITY,
     PARQUET_HINT,
     RECORDINGS,
     Kind,
@@ -125,7 +124,6 @@ _Angle = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]  # [rad], finite
 _Result: Any = msgspec.defstruct(
     "Result",
     [
-        ("identity", _row_type(IDENTITY, IDENTITY)),
         ("own_subject", str),
         ("probes", tuple[int, Annotated[list[_Angle], msgspec.Meta(min_length=1)]]),
         ("recordings", list[_row_type(RECORDINGS, _NEEDED)]),  # type: ignore[misc]
@@ -223,21 +221,24 @@ def _clean(folder: Path) -> None:
 _SAME = 1e-6  # [rad]; formats print angles with at least this precision
 
 
-def equal_motions(records: Sequence[dict[str, Any] | None]) -> dict[int, int]:
-    """Return the index of the first record of the same motion, by the index of the later one.
+def equal_motions(motions: Sequence[tuple[str, int, list[float]] | None]) -> dict[int, int]:
+    """Return the index of the first of several equal motions, by the indices of the later ones.
 
     Motions are equal if they are of the same side, have as many samples, and differ by at most
     1e-6 rad in every probe.
+
+    Args:
+        motions: sides, numbers of samples, and probes; None is equal to none.
     """
     groups = defaultdict(list)
-    for number, record in enumerate(records):
-        if record is not None:
-            samples, angles = record["probes"]
-            groups[record["identity"]["side"], samples, len(angles)].append(number)
+    for number, motion in enumerate(motions):
+        if motion is not None:
+            side, samples, probes = motion
+            groups[side, samples, len(probes)].append((number, probes))
     first: dict[int, int] = {}
-    for numbers in groups.values():
-        tree = KDTree([records[number]["probes"][1] for number in numbers])  # type: ignore[index]
-        for i, j in sorted(tree.query_pairs(_SAME, p=np.inf)):
+    for own in groups.values():
+        numbers, probes_of_all = zip(*own, strict=True)
+        for i, j in sorted(KDTree(probes_of_all).query_pairs(_SAME, p=np.inf)):
             if numbers[i] not in first:
                 first.setdefault(numbers[j], numbers[i])
     return first
@@ -291,7 +292,8 @@ def collect(
     """Return rows of all results, and outcomes in which one of several equal motions is kept."""
     paths = results_by_key(folder)
     records = [read_result(paths[each.key]) if each.key in paths else None for each in outcomes]
-    same = equal_motions(records)
+    pairs = zip(outcomes, records, strict=True)
+    same = equal_motions([None if r is None else (o.source.side, *r["probes"]) for o, r in pairs])
     rows: Rows = {"recordings": [], "synergies": [], "failures": []}
     kept = []
     for number, (outcome, record) in enumerate(zip(outcomes, records, strict=True)):
@@ -302,8 +304,9 @@ def collect(
             text = f"holds the same motion as {outcomes[same[number]].source.name}"
             outcome = RecordingOutcome(outcome.source, "same", text)
         elif record is not None:
-            for name in ("recordings", "synergies"):
-                rows[name] += [record["identity"] | row for row in record[name]]
+            names = identity(outcome.source, record["own_subject"])
+            for table in ("recordings", "synergies"):
+                rows[table] += [names | row for row in record[table]]
         if not outcome.success:
             rows["failures"].append(_failure_row(outcome))
         kept.append(outcome)

@@ -182,11 +182,12 @@ def read_study_tables(
 def _in_folder(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         raise RecordingError(f"{folder}: there is no such folder or table")
-    found: dict[str, Path] = {}
-    for table in TABLES:
-        files = [folder / f"{table}{suffix}" for suffix in (".csv", ".parquet")]
-        if there := [file for file in files if file.is_file()]:
-            found[table] = there[0]
+    found = {
+        table: file
+        for table in TABLES
+        for suffix in (".parquet", ".csv")  # the latter where both are there
+        if (file := folder / f"{table}{suffix}").is_file()
+    }
     if "recordings" not in found:
         raise RecordingError(
             f"{folder}: has no recordings.csv or recordings.parquet; it must be the folder of a "
