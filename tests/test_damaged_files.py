@@ -19,8 +19,7 @@ from geodesic_ocp.cli.kinds import file_kind
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.retargeting.alignment.align import read_alignment
 from geodesic_ocp.studies.analyse_recording import outcome_of
-from geodesic_ocp.studies.result_files import FORMAT as RESULT
-from geodesic_ocp.studies.result_files import equal_motions, read_result
+from geodesic_ocp.studies.result_files import equal_motions, read_result, write_result
 from geodesic_ocp.studies.sources import RecordingSource
 from geodesic_ocp.studies.study_tables import RECORDINGS
 from geodesic_ocp.synergies.synergy import read_saved_synergies
@@ -65,9 +64,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "synergies": [{"synergy": 1, "metric": "m", "length": 0.3}],
         "warnings": ["a warning"],
     }
-    for name, kind, record in (("metric", METRIC, metric), ("result", RESULT, result)):
-        text = json.dumps({"format": kind, "version": 1, **record})
-        (folder / f"{name}.json").write_text(text)
+    write_result(folder / "result.json", result)
+    (folder / "metric.json").write_text(json.dumps({"format": METRIC, "version": 1, **metric}))
     return {file.name: file for file in folder.iterdir()}
 
 

@@ -9,31 +9,27 @@ import json
 import os
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import msgspec
 import numpy as np
 from scipy.spatial import KDTree
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import TEMPORARY, convert, read_record, write_file
+from geodesic_ocp.records import TEMPORARY, read_record, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.sources import RecordingSource, identity
 from geodesic_ocp.studies.study_tables import (
     PARQUET_HINT,
-    RECORDINGS,
-    Kind,
     Row,
     has_parquet,
     new_rows,
     write_table,
 )
-from geodesic_ocp.studies.study_tables import SYNERGIES as SYNERGY_COLUMNS
 from geodesic_ocp.tables import markdown, new_table
 
 if TYPE_CHECKING:
@@ -102,35 +98,7 @@ class RecordingOutcome:
 FORMAT, VERSION = "geodesic_ocp result of a recording", 1
 RESULTS = "results"  # folder of the results, within that of the output
 SYNERGIES = ".synergies.json"
-# Of the rows of recordings, what the summary reads.
-_NEEDED = (
-    *("method_label", "segments", "height_m", "mass_kg"),
-    *("joint_error_rad", "position_error_m", "orientation_error_rad"),
-)
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
-
-
-def _row_type(columns: Mapping[str, Kind], needed: Iterable[str]) -> Any:
-    types: dict[str, Any] = {"text": str, "integer": int | None, "number": float | None}
-    fields = [
-        (name, types[kind], msgspec.NODEFAULT if name in needed else None)
-        for name, kind in columns.items()
-    ]
-    return msgspec.defstruct("Row", fields, kw_only=True, forbid_unknown_fields=True)
-
-
-_Angle = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]  # [rad], finite
-# What the tables and the outcome are made of.
-_Result: Any = msgspec.defstruct(
-    "Result",
-    [
-        ("own_subject", str),
-        ("probes", tuple[int, Annotated[list[_Angle], msgspec.Meta(min_length=1)]]),
-        ("recordings", list[_row_type(RECORDINGS, _NEEDED)]),  # type: ignore[misc]
-        ("synergies", list[_row_type(SYNERGY_COLUMNS, ())]),  # type: ignore[misc]
-        ("warnings", list[str]),
-    ],
-)
 
 
 def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
@@ -169,16 +137,24 @@ def results_by_key(folder: Path) -> dict[str, Path]:
     return found
 
 
+def write_result(path: Path, record: dict[str, Any]) -> None:
+    """Write the record of a result, with a checksum of it."""
+    content = {"format": FORMAT, "version": VERSION, **record}
+    text = json.dumps({**content, "checksum": _checksum(content)}, allow_nan=False)
+    write_file(path, text, lasting=True)
+
+
 def read_result(path: Path) -> dict[str, Any] | None:
     """Return the record of a result; None if the file is missing, damaged or of another version."""
     try:
         record = read_record(path, FORMAT, VERSION, "a result")
-        rows = convert(record, _Result, path).recordings
     except RecordingError:
         return None
-    # The outcome states the errors of the first row.
-    has_errors = rows and None not in (rows[0].joint_error_rad, rows[0].position_error_m)
-    return record if has_errors else None
+    return record if record.pop("checksum", None) == _checksum(record) else None
+
+
+def _checksum(record: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
 
 
 _FILE = ".lock"
