@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -275,12 +276,9 @@ def compare_methods(
             progress(label, done, total)
         done += 1
 
-    found: dict[tuple[str, Model], Metric] = {}  # compiled once for recordings of one model
-
+    @cache  # compiled once for recordings of one model
     def metric(name: str, model: Model) -> Metric:
-        if (name, model) not in found:
-            found[name, model] = metric_of(name, metrics[name], model)
-        return found[name, model]
+        return metric_of(name, metrics[name], model)
 
     cuts = _given_segments(recordings, segments)
     for recording in recordings:

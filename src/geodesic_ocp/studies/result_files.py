@@ -228,35 +228,26 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
         rows: rows of the table of recordings.
         others: number of results in the folder that are not of these recordings.
     """
-    by_name = {str(row["recording"]): row for row in rows}
-    recordings = list(by_name.values())
-    files = [row for row in recordings if row.get("subject_from") == "file name"]
+    recordings = list({row["recording"]: row for row in rows}.values())
+    of_all = f"of {len(recordings)} recordings"
+    files = sum(row.get("subject_from") == "file name" for row in recordings)
     if len(recordings) > 1 and files:
         yield (
-            f"Subjects of {_of(files, recordings)} are named after their files, as nothing else "
-            "names them: recordings of one person would count as several subjects. State the "
-            "subjects with a table (--subjects) or by the paths (--subject-from)."
+            f"Subjects of {files} {of_all} are named after their files, as nothing else names "
+            "them: recordings of one person would count as several subjects. State the subjects "
+            "with a table (--subjects) or by the paths (--subject-from)."
         )
-    for name, usual in (("height", "m"), ("mass", "kg")):
+    for name, unit in (("height", "m"), ("mass", "kg")):
         assumed = [row for row in recordings if row.get(f"{name}_from") == "assumed"]
         if assumed:
-            value = assumed[0][f"{name}_{usual}"]
-            yield f"Assumed, not in the recording: a body {name} of {value} {usual} in " + (
-                f"{_of(assumed, recordings)}."
+            value = f"{assumed[0][f'{name}_{unit}']} {unit}"
+            yield (
+                f"Assumed, not in the recording: a body {name} of {value} in {len(assumed)} "
+                f"{of_all}."
             )
     if others:
-        yield (
-            f"{others} other result{'s' * (others != 1)} in the folder {_are(others)} not of these "
-            "recordings and in none of the tables."
-        )
-
-
-def _of(some: Sequence[Row], all_of_them: Sequence[Row]) -> str:
-    return f"{len(some)} of {len(all_of_them)} recordings"
-
-
-def _are(count: int) -> str:
-    return "is" if count == 1 else "are"
+        many = "s in the folder are" if others > 1 else " in the folder is"
+        yield f"{others} other result{many} not of these recordings and in none of the tables."
 
 
 Rows = dict[str, list[Row]]  # by the name of the table

@@ -59,13 +59,9 @@ class SubjectPattern:
                 f"'{{subject}}_{{trial}}'; got {touching[0]!r} in {pattern!r}"
             )
         self.pattern = pattern
-        pattern = pattern.removeprefix("./")
-        parts, end = [], 0
-        for match in _FIELD.finditer(pattern):
-            parts.append(re.escape(pattern[end : match.start()]))
-            parts.append("[^/]+?" if match[2] else f"(?P<{match[1]}>[^/]+?)")
-            end = match.end()
-        self._expression = re.compile("(?:.*/)?" + "".join([*parts, re.escape(pattern[end:])]))
+        escaped = re.escape(pattern.removeprefix("./")).replace(r"\*", "[^/]+?")
+        named = re.sub(r"\\\{(\w+)\\\}", r"(?P<\1>[^/]+?)", escaped)
+        self._expression = re.compile(f"(?:.*/)?{named}")
 
     def find(self, path: str) -> tuple[SubjectEntry, str]:
         """Return what the pattern finds in a path, or why it does not match."""
@@ -169,11 +165,12 @@ def recording_sources(
         problem, entry = "", SubjectEntry("")
         found_in: SubjectFrom | Literal[""] = ""
         if listed is not None:
-            found_in, found = "table", entry_of_file(listed, path.as_posix())
-            if found is None:
+            found_in = "table"
+            if found := entry_of_file(listed, path.as_posix()):
+                entry = found
+            else:
                 shown = "/".join(path.parts[-2:])
                 problem = f"{table} has no row whose file is the end of .../{shown}"
-            entry = found or entry
         elif named is not None:
             found_in, (entry, problem) = "path", named.find(path.as_posix())
         for side in sides:
