@@ -19,10 +19,9 @@ from geodesic_ocp.cli.kinds import file_kind
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.retargeting.arm_alignment import read_alignment
 from geodesic_ocp.studies.analyse_recording import outcome_of
-from geodesic_ocp.studies.result_files import FORMAT as RESULT
-from geodesic_ocp.studies.result_files import CollectedResults, read_result
+from geodesic_ocp.studies.result_files import equal_motions, read_result, write_result
 from geodesic_ocp.studies.sources import RecordingSource
-from geodesic_ocp.studies.study_tables import IDENTITY, RECORDINGS
+from geodesic_ocp.studies.study_tables import RECORDINGS
 from geodesic_ocp.synergies.synergy import read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
@@ -61,14 +60,12 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     result = {
         "own_subject": "Ann",
         "probes": [9, [0.1, 0.2]],
-        "identity": dict.fromkeys(IDENTITY, "x"),
         "recordings": [row | {"threshold_rad": None}],
         "synergies": [{"synergy": 1, "metric": "m", "length": 0.3}],
         "warnings": ["a warning"],
     }
-    for name, kind, record in (("metric", METRIC, metric), ("result", RESULT, result)):
-        text = json.dumps({"format": kind, "version": 1, **record})
-        (folder / f"{name}.json").write_text(text)
+    write_result(folder / "result.json", result)
+    (folder / "metric.json").write_text(json.dumps({"format": METRIC, "version": 1, **metric}))
     return {file.name: file for file in folder.iterdir()}
 
 
@@ -86,7 +83,7 @@ def use_result(file: Path) -> None:
     """A damaged result counts as missing; one that is read can be told of and collected."""
     if (record := read_result(file)) is not None:
         str(outcome_of(RecordingSource(file, file.name, "right"), "key", record))
-        CollectedResults().add(record)
+        assert not equal_motions([("right", *record["probes"])])
 
 
 READERS: dict[str, Callable[[Path], object]] = {

@@ -149,12 +149,13 @@ def test_what_formats_leave_open_can_be_stated(tmp_path: Path) -> None:
     given += [f"--{name.replace('_', '-')}={file}" for name, file in files.items()]
     for command, name in (
         (["analyse", "a"], "analysis"),
-        (["fit", "a"], "recording"),
-        (["show", "a"], "recording"),
+        (["fit", "a"], "analysis"),
+        (["show", "a"], "shown"),
         (["retarget", "a", "--robot", "panda"], "analysis"),
     ):
         _, bound, _ = cli.new_app().parse_args([*command, *given])
-        found = bound.arguments[name].reading()
+        settings = bound.arguments[name]
+        found = getattr(settings, "recording", settings).reading()
         assert found == {"convention": "isb", "unit": "cm", "rate": 60.0, "up": "-y", **files}
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_ocp.studies.study import StudyResult
+from geodesic_ocp.studies.study_result import StudyResult
 from geodesic_ocp.studies.study_tables import Row, new_rows, write_table
 
 LABELS = {

@@ -90,6 +90,21 @@ def test_a_recording_that_takes_too_long_is_left_out(folder: Path) -> None:
     assert len(found) == 3
 
 
+def test_processes_are_renewed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five recordings through one process, which is renewed after every second."""
+    pools = []
+
+    class InThread(ThreadPoolExecutor):
+        def __init__(self, jobs: int, **_: Any) -> None:
+            pools.append(jobs)
+            super().__init__(jobs)
+
+    monkeypatch.setattr(processes, "_RENEWAL", 2)
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", InThread)
+    assert len(by_name(in_processes(iter(tasks(folder, 5)), 1))) == 5
+    assert pools == [1, 1, 1]
+
+
 @pytest.mark.slow
 def test_processes_are_replaced_so_that_memory_stays_bounded(
     folder: Path, monkeypatch: pytest.MonkeyPatch

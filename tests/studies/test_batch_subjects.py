@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from pandas.testing import assert_frame_equal
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.sources import SubjectPattern, SubjectTable, recording_sources
+from geodesic_ocp.studies.sources import SubjectPattern, read_subjects, recording_sources
 from geodesic_ocp.studies.study_tables import (
     RECORDINGS,
     Row,
+    entry_of_file,
     new_rows,
     peak_speed,
     read_table,
@@ -75,18 +76,20 @@ def test_wrong_tables_of_subjects(text: str, words: str, tmp_path: Path) -> None
     file = tmp_path / "subjects.csv"
     file.write_bytes(text.encode("latin-1"))
     with pytest.raises(go.RecordingError, match=words):
-        SubjectTable.read(file)
+        read_subjects(file)
     with pytest.raises(go.RecordingError, match="cannot be read"):
-        SubjectTable.read(tmp_path / "none.csv")
+        read_subjects(tmp_path / "none.csv")
 
 
 def test_the_longest_path_in_a_table_counts(tmp_path: Path) -> None:
     file = tmp_path / "subjects.csv"
     file.write_text("file,subject\nreach,A\nb/reach.c3d,B\n")
-    table = SubjectTable.read(file)
-    assert table.find("a/reach.c3d")[0].subject == "A"
-    assert table.find("x/b/reach.c3d")[0].subject == "B"
-    assert table.find("other.c3d")[1]
+    table = read_subjects(file)
+    for name, subject in (("a/reach.c3d", "A"), ("x/b/reach.c3d", "B")):
+        entry = entry_of_file(table, name)
+        assert entry is not None
+        assert entry.subject == subject
+    assert entry_of_file(table, "other.c3d") is None
 
 
 @pytest.mark.parametrize(
@@ -105,11 +108,10 @@ def test_a_row_counts_for_the_file_it_names_alone(
 ) -> None:
     file = tmp_path / "subjects.csv"
     file.write_text("\n".join(["file,subject", *rows]) + "\n")
-    table = SubjectTable.read(file)
+    table = read_subjects(file)
     for name, subject in subjects.items():
-        entry, problem = table.find(f"/data/{name}")
-        assert entry.subject == subject
-        assert bool(problem) == (not subject)
+        entry = entry_of_file(table, f"/data/{name}")
+        assert (entry.subject if entry else "") == subject
 
 
 @pytest.mark.parametrize("named", ["S1/a.csv", "./S1/a", "{}/S1/a.csv"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -12,7 +14,7 @@ from short_reprs import check_reprs
 from studies.study_rows import LABELS, drawn, rows_of, study_of_rows
 
 from geodesic_ocp.studies.paired_test import holm, rank_biserial
-from geodesic_ocp.studies.study import StudyResult
+from geodesic_ocp.studies.study_result import StudyResult
 
 OWN, KINETIC, LINES = LABELS.values()
 JOINTS = "joints [rad]"
@@ -125,6 +127,7 @@ def test_no_pair_at_all_is_said_in_the_table() -> None:
     tests = study.tests()
     assert tests.empty
     assert {"against", "subjects", "mean difference [rad]", "p, Holm"} <= set(tests.columns)
+    assert {"against", "sign test p", "Wilcoxon p", "p, Holm"} <= {*tests.columns}
     assert "No subject can be compared" in tests.attrs["note"]
     with pytest.raises(ValueError, match="no recording has 'joint' of all methods"):
         study.means(complete=True)
@@ -172,11 +175,10 @@ def test_subjects_without_a_value_keep_their_row() -> None:
 
 
 def test_recordings_without_duration_have_no_rate() -> None:
-    rows = [
-        row for name in "ab" for row in rows_of(name, name, {"riemannian": 0.1}, duration_s=0.0)
-    ]
-    study = study_of_rows(rows)
-    assert "segments_per_second" not in study._known(["segments", "segments_per_second"])
+    errors = {"riemannian": 0.1}
+    study = study_of_rows(
+        row for name in "ab" for row in rows_of(name, name, errors, duration_s=0.0)
+    )
     with pytest.raises(ValueError, match="segments_per_second"):
         study.means("segments_per_second")
 
@@ -195,6 +197,24 @@ def test_segments_per_second_and_other_measures() -> None:
         study.tests(against="Ann")
     with pytest.raises(ValueError, match="confidence must be in"):
         study.means(confidence=95)
+
+
+def test_subjects_without_a_value_stay_in_the_table() -> None:
+    study = study_of(("a", "Ann", {"riemannian": 0.1}), ("b", "Bob", {"riemannian": None}))
+    table = study.by_subject()
+    assert table["recordings"].to_dict() == {"Ann": 1, "Bob": 1}
+    assert np.isnan(table.loc["Bob", OWN])
+
+
+@pytest.mark.slow
+def test_a_rate_of_segments_needs_a_duration(tmp_path: Path) -> None:
+    errors = {"riemannian": 0.1, "euclidean_same_segments": 0.2}
+    study = study_of_rows(rows_of("a", "Ann", errors, duration_s=0.0))
+    with pytest.raises(ValueError, match="'segments_per_second': the table has no segments"):
+        study.means("segments_per_second")
+    names = {file.name for file in study.save(tmp_path / "paper")}
+    assert "by_subject_segments.csv" in names
+    assert "by_subject_segments_per_second.csv" not in names
 
 
 def test_holm_by_hand() -> None:

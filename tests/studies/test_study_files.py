@@ -11,8 +11,8 @@ from pandas.testing import assert_frame_equal
 from studies.study_rows import drawn, rows_of, study_of_rows, written
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.study import study
-from geodesic_ocp.studies.study_tables import new_rows, with_metadata, write_table
+from geodesic_ocp.studies.study import study, with_metadata
+from geodesic_ocp.studies.study_tables import new_rows, write_table
 
 HEADER = "recording,subject,method,duration_s,joint_error_rad,position_error_m\n"
 LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"

@@ -20,7 +20,8 @@ from geodesic_ocp.drawing.study_figures import (
     fit_scale,
 )
 from geodesic_ocp.drawing.styles import new_figure
-from geodesic_ocp.studies.study import StudyResult, study
+from geodesic_ocp.studies.study import study
+from geodesic_ocp.studies.study_result import StudyResult
 
 TABLES = ("means", "tests", "synergy_statistics")
 FIGURES = ("errors", "differences", "synergies", "durations")

@@ -114,22 +114,16 @@ def test_the_hand_turns_about_the_axis_between_its_orientations(arm: go.Model) -
 
 
 def test_joint_inertia_of_distal_joints_alone(arm: go.Model) -> None:
-    plain, control = go.KineticEnergy(arm), go.baselines.distal_inertia(arm, armature=0.1)
+    stiff = arm.with_armature(0.1)
+    plain, control = go.KineticEnergy(arm), go.baselines.distal_inertia(stiff)
     q = np.full(7, 0.2)
     added = control.matrix(q) - plain.matrix(q)
     assert added == pytest.approx(np.diag([0, 0, 0, 0, 0.1, 0.1, 0.1]), abs=1e-12)
     default = go.baselines.distal_inertia(arm).model.armature
     assert default == pytest.approx(go.manifold.default_joint_inertia(arm) * [0, 0, 0, 0, 1, 1, 1])
-    rods = planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1)).with_armature([0.2, 0.3])
-    assert go.baselines.distal_inertia(rods, ["joint2"]).model.armature.tolist() == [0.0, 0.3]
-    with pytest.raises(ValueError, match="there is no joint joint3; there are joint1, joint2"):
-        go.baselines.distal_inertia(rods, ["joint3"])
-    with pytest.raises(ValueError, match="joints must name the distal ones of joint1, joint2"):
+    rods = planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
+    with pytest.raises(ValueError, match="the distal joints of joint1, joint2 are not known"):
         go.baselines.distal_inertia(rods)
-    with pytest.raises(ValueError, match="joints must be a sequence of names"):
-        go.baselines.distal_inertia(rods, [])
-    with pytest.raises(ValueError, match=r"armature must be positive \[kg m\^2\]"):
-        go.baselines.distal_inertia(arm, armature=0.0)
 
 
 def test_bad_arguments_are_named(arm: go.Model, rng: np.random.Generator) -> None:

@@ -10,11 +10,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
-
-from geodesic_ocp.cli.options import AnalysisOptions, Flag, Sides, each_side
+from geodesic_ocp.cli.options import (
+    AnalysisOptions,
+    Flag,
+    ManyOptions,
+    ManyRecordings,
+    Sides,
+    each_side,
+)
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
@@ -34,7 +39,6 @@ from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import markdown, text
 
 _SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most
-_MANY = Parameter(group="Many recordings")
 
 
 def analyse(
@@ -46,13 +50,7 @@ def analyse(
     out: Path | None = None,
     settings: Path | None = None,
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
-    jobs: Annotated[int | None, _MANY] = None,
-    scheduler: Annotated[str | None, _MANY] = None,
-    recursive: Annotated[Flag, _MANY] = False,
-    subjects: Annotated[Path | None, _MANY] = None,
-    subject_from: Annotated[str | None, _MANY] = None,
-    time_limit: Annotated[float | None, _MANY] = None,
-    tables_only: Annotated[Flag, _MANY] = False,
+    many: ManyOptions = ManyRecordings(),  # noqa: B008
 ) -> int:
     """Cut recordings into geodesic synergies and compare with the baselines.
 
@@ -64,32 +62,10 @@ def analyse(
         curve: also compare metrics at equal numbers of synergies, each with its best cuts.
         out: folder for tables, figures and synergies.
         settings: file (.toml, .json) of any of these options, such as threshold = 0.5.
-        jobs: number of processes; default: one for each core.
-        scheduler: address of a Dask cluster, such as tcp://host:8786, whose workers see the same
-            files; needs the extra cluster.
-        recursive: also take files in the folders within a folder, except results of analyses.
-        subjects: CSV with the columns file and subject, and if known trial, height [m] and mass
-            [kg].
-        subject_from: pattern of the paths without their suffix, such as `{subject}/{trial}` or
-            `{subject}_*_{trial}`; default: the subject in the file, or the name of its folder.
-        time_limit: time after which a recording is left out [s]; not with --scheduler.
-        tables_only: only write the tables from the results so far, also while another run works.
     """
     del settings
     check_folder(out)
-    of_many = {
-        "jobs": jobs,
-        "scheduler": scheduler,
-        "recursive": recursive,
-        "subjects": subjects,
-        "subject_from": subject_from,
-        "time_limit": time_limit,
-        "tables_only": tables_only,
-    }
-    given = {
-        name: value for name, value in of_many.items() if value is not None and value is not False
-    }
-    if given or _are_many(file):
+    if (given := many.given()) or _are_many(file):
         return _analyse_many(file, side, curve, out, analysis, given)
     recording = Path(file[0])
     for each in each_side(side):
@@ -190,15 +166,24 @@ def _show_fit(fit: MarkerFit, folder: Path | None) -> None:
         print()
 
 
-def _analysed(recording: Recording, settings: AnalysisSettings, file: str) -> Analysis:
-    """Analyse a recording, and print the results."""
+def analysed(recording: Recording, settings: AnalysisSettings, name: str) -> Analysis:
+    """Analyse a recording with a progress bar.
+
+    Raises:
+        ValueError: the recording cannot be analysed, such as one that is too short; names it.
+    """
     metric = settings.metric_of(recording.model)
-    start = time.perf_counter()
     try:
         with progress() as bar:
-            analysis = analyse_recording(recording, settings, metric=metric, progress=bar)
+            return analyse_recording(recording, settings, metric=metric, progress=bar)
     except ValueError as error:
-        raise ValueError(f"{file}: {error}") from None
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _analysed(recording: Recording, settings: AnalysisSettings, file: str) -> Analysis:
+    """Analyse a recording, and print the results."""
+    start = time.perf_counter()
+    analysis = analysed(recording, settings, file)
     _summarize(analysis, settings, time.perf_counter() - start, recording.fit)
     return analysis
 

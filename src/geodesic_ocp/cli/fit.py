@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from cyclopts import Parameter as Option
 
-from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides, each_side
+from geodesic_ocp.cli.options import FitOptions, Flag, Sides, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, progress
 from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.errors import RecordingError
@@ -27,7 +27,6 @@ from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recordings import read_recordings
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
@@ -60,33 +59,25 @@ def fit(
     side: Sides = "right",
     parameter: Annotated[list[str] | None, _PARAMETER] = None,
     measure: Measure = "joint",
-    threshold: float = AnalysisSettings.threshold,
-    min_duration: float = AnalysisSettings.min_duration,
-    hysteresis: float = AnalysisSettings.hysteresis,
     penalty: float | None = None,
-    cutoff: float | None = None,
-    savitzky_golay: float | None = None,
     by: Literal["recording", "subject"] | None = None,
     bootstrap: int = 1000,
     leave_one_out: Flag = False,
     skip: Flag = False,
     out: Path | None = None,
     settings: Path | None = None,
-    recording: RecordingOptions = RecordingSettings(),  # noqa: B008
+    analysis: FitOptions = AnalysisSettings(),  # noqa: B008
 ) -> None:
     """Estimate parameters of the metric from recordings.
+
+    Cuts are made with the initial values of the parameters.
 
     Args:
         file: recordings, or folders of recordings.
         side: the arm.
         measure: errors of the joints [rad] or of the hand's position [m].
-        threshold: angle of the cuts, which are made with the initial values [rad].
-        min_duration: duration of the shortest segment that is not a rest [s].
-        hysteresis: angle above the threshold that a change of direction must reach [rad].
         penalty: cut where the error becomes least instead, with this mean joint error for each
             segment [rad].
-        cutoff: cut-off frequency of the filter [Hz].
-        savitzky_golay: window of a Savitzky-Golay filter of order 2 [s], in place of a cut-off.
         by: units that are resampled and left out; default: subjects where there are several.
         bootstrap: number of resamples for the confidence interval; 0 for none.
         leave_one_out: predict each recording, or subject (see --by), from the others.
@@ -105,7 +96,7 @@ def fit(
         raise ValueError(f"--bootstrap must not be negative, got {bootstrap}")
     start = time.perf_counter()
     with progress() as bar:
-        recordings = _recordings(file, side, recording, skip, cutoff, savitzky_golay)
+        recordings = _recordings(file, side, analysis, skip)
         subjects = len({each.subject for each in recordings})
         unit = by or ("subject" if subjects > 1 else "recording")
         units = subjects if unit == "subject" else len(recordings)
@@ -116,9 +107,9 @@ def fit(
             parameters,
             measure=measure,
             segments=_optimal_segments(penalty, parameters, recordings, bar),
-            threshold=threshold,
-            min_duration=min_duration,
-            hysteresis=hysteresis,
+            threshold=analysis.threshold,
+            min_duration=analysis.min_duration,
+            hysteresis=analysis.hysteresis,
             progress=bar,
         )
         intervals: tuple[ConfidenceInterval, ...] = ()
@@ -162,12 +153,7 @@ def as_parameter(text: str) -> Parameter:
 
 
 def _recordings(
-    files: Sequence[Path],
-    side: Sides,
-    person: RecordingSettings,
-    skip: bool,
-    cutoff: float | None,
-    window: float | None,
+    files: Sequence[Path], side: Sides, settings: AnalysisSettings, skip: bool
 ) -> list[Recording]:
     """Read the recordings in the files; with --skip, of the sides that there are."""
     sides = each_side(side)
@@ -177,12 +163,12 @@ def _recordings(
             found += read_recordings(
                 files,
                 each,
-                height=person.height,
-                mass=person.mass,
+                height=settings.height,
+                mass=settings.mass,
                 skip=skip,
-                cutoff=cutoff,
-                duration=window,
-                **person.reading(),
+                cutoff=settings.cutoff,
+                duration=settings.savitzky_golay,
+                **settings.reading(),
             )
         except RecordingError as reason:
             if not skip or (number == len(sides) and not found):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, Literal, TypeAlias
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
@@ -15,6 +16,8 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 
 
 @dataclass(frozen=True)
@@ -60,11 +63,49 @@ def _limit(name: str, values: Sequence[str] | None) -> float | dict[str, float] 
     return by_joint or None
 
 
-Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+@dataclass(frozen=True)
+class ManyRecordings:
+    """Options of the analysis of many recordings.
+
+    Attributes:
+        jobs: number of processes; default: one for each core.
+        scheduler: address of a Dask cluster, such as tcp://host:8786, whose workers see the same
+            files; needs the extra cluster.
+        recursive: also take files in the folders within a folder, except results of analyses.
+        subjects: CSV with the columns file and subject, and if known trial, height [m] and mass
+            [kg].
+        subject_from: pattern of the paths without their suffix, such as `{subject}/{trial}` or
+            `{subject}_*_{trial}`; default: the subject in the file, or the name of its folder.
+        time_limit: time after which a recording is left out [s]; not with --scheduler.
+        tables_only: only write the tables from the results so far, also while another run works.
+    """
+
+    jobs: int | None = None
+    scheduler: str | None = None
+    recursive: Flag = False
+    subjects: Path | None = None
+    subject_from: str | None = None
+    time_limit: float | None = None
+    tables_only: Flag = False
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that are not the defaults."""
+        pairs = ((each, getattr(self, each.name)) for each in fields(self))
+        return {each.name: value for each, value in pairs if value != each.default}
+
+
 Sides: TypeAlias = Literal["right", "left", "both"]
 RecordingOptions = Annotated[RecordingSettings, Parameter(name="*", group="Recording")]
 AnalysisOptions = Annotated[AnalysisSettings, Parameter(name="*", group="Analysis")]
+ManyOptions = Annotated[ManyRecordings, Parameter(name="*", group="Many recordings")]
 LimitOptions = Annotated[GivenLimits, Parameter(name="*", group="Limits of the joints")]
+# A fit has the filter's and some of the cuts' settings, and a penalty and a measure of its own.
+_OF_FITS = re.compile(
+    r"^(?!resample|filter|metric|armature|segments|rest_|count|penalty|error|measure|spacing|max_)"
+)
+FitOptions = Annotated[
+    AnalysisSettings, Parameter(name="*", group="Recording and cuts", parse=_OF_FITS)
+]
 # Settings that are no text: obstacles, and pairs of links.
 _IN_PYTHON_ONLY = re.compile(r"^(?!obstacles|links|pairs)")
 RetargetingOptions = Annotated[

@@ -6,14 +6,16 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from cyclopts import Parameter
 
+from geodesic_ocp.cli.analyse import analysed
 from geodesic_ocp.cli.kinds import Kind, file_kind, folder_files
-from geodesic_ocp.cli.options import Sides, each_side
+from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides, each_side
 from geodesic_ocp.cli.solve import problem_classes
-from geodesic_ocp.cli.terminal import printed_warnings, progress
+from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.drawing.alignments import alignment_playback
 from geodesic_ocp.drawing.motion_scenes import (
     model_playback,
@@ -44,7 +46,6 @@ from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.arm_alignment import check_joints, read_alignment
-from geodesic_ocp.studies.analyse_recording import analyse_recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import SYNERGIES
 from geodesic_ocp.synergies.synergy import SavedSynergies, read_saved_synergies
@@ -52,30 +53,33 @@ from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
-_NO_FACTS = RecordingSettings()
+_ROBOTS = Parameter(group="Robots, trajectories, alignments and solutions", show_default=False)
 _Found: TypeAlias = tuple[Path | str, Kind]
 
 
 @dataclass(frozen=True)
 class Shown:
-    """Options of `geodesic-ocp show` about what is in the files; see `geodesic_ocp.cli.show`.
+    """Options of `geodesic-ocp show` about what is in the files.
 
     Attributes:
-        side: the arm of recordings; None: the right arm, or the left one if there is no other.
+        side: the arm; default: the right one, or the left one if there is no other.
         recording: facts about recordings that their files may not state.
-        analyse: cut recordings into synergies first.
-        robot: names or files of the robots of trajectories and alignments.
-        hand, base: frames of robots.
+        analyse: cut each recording into synergies first, as geodesic-ocp analyse does by default,
+            and show what they predict.
+        robot: robot of a trajectory or an alignment: a name (see geodesic-ocp models) or a file
+            (URDF, MJCF); twice for two arms, in the order of the trajectory.
+        hand: hand (end-effector) frame of robots; default: the last.
+        base: fixed frame of robots that is their base.
         problem: Python file of the problem of a solution.
     """
 
     side: Sides | None = None
-    recording: RecordingSettings = _NO_FACTS
-    analyse: bool = False
-    robot: Sequence[str] = ()
-    hand: str | None = None
-    base: str | None = None
-    problem: Path | None = None
+    recording: RecordingOptions = RecordingSettings()  # noqa: RUF009
+    analyse: Flag = False
+    robot: Annotated[Sequence[str], _ROBOTS] = ()
+    hand: Annotated[str | None, _ROBOTS] = None
+    base: Annotated[str | None, _ROBOTS] = None
+    problem: Annotated[Path | None, _ROBOTS] = None
 
     def playbacks(self, files: Sequence[str]) -> list[Playback]:
         """Return what is in the files, in their order; synergies with their recording, if given.
@@ -148,7 +152,10 @@ class Shown:
         """Yield the motion, both arms in one pane, or the person fitted to the markers."""
         found = self._recordings(file, self.side)
         if self.analyse:
-            yield from map(_analysed, found)
+            for recording in found:
+                analysis = analysed(recording, AnalysisSettings(), recording.name)
+                title = f"{recording.name}: {len(analysis.synergies)} geodesic synergies"
+                yield analysis_playback(analysis, title=title)
             return
         if len(found) == 2 and not any(each.fit for each in found):
             yield motion_playback(*_together(*found), title=f"{file.stem}, both arms")
@@ -285,23 +292,6 @@ def _together(right: Recording, left: Recording) -> tuple[Motion, Model]:
     velocity = np.hstack([np.asarray(each.velocity) for each in motions])
     one = motions[0]
     return Motion(one.time, q, model.joint_names, velocity, one.subject, trunk=one.trunk), model
-
-
-def _analysed(recording: Recording) -> Playback:
-    """Return the observed arm and the one that the synergies of a recording predict.
-
-    Raises:
-        ValueError: the recording is too short to be analysed; names it.
-    """
-    settings = AnalysisSettings()
-    metric = settings.metric_of(recording.model)
-    try:
-        with progress() as bar:
-            found = analyse_recording(recording, settings, metric=metric, progress=bar)
-    except ValueError as error:
-        raise ValueError(f"{recording.name}: {error}") from None
-    count = len(found.synergies)
-    return analysis_playback(found, title=f"{recording.name}: {count} geodesic synergies")
 
 
 def _parts(

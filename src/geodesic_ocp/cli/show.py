@@ -11,18 +11,15 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides
 from geodesic_ocp.cli.playbacks import Shown
 from geodesic_ocp.cli.terminal import check_folder, progress, require_pages
 from geodesic_ocp.drawing.scene import Playback, beside
 from geodesic_ocp.drawing.viewer import PAGES, PICTURES, Viewer
-from geodesic_ocp.recordings.recording_settings import RecordingSettings
 
 _SUFFIXES = (PAGES[0], *PICTURES)
 _PICTURE = ".png"
 _LITTLE = 0.1  # [MB]
 _OF_MOTION, _OF_PICTURE = ("rate", "speed"), ("at",)
-_ROBOTS = Parameter(group="Robots, trajectories, alignments and solutions")
 _VIDEO = Parameter(group="Videos, animations and pictures")
 
 
@@ -33,13 +30,7 @@ def show(
     out: Path | None = None,
     title: str = "",
     layers: str | None = None,
-    side: Sides | None = None,
-    analyse: Flag = False,
-    recording: RecordingOptions = RecordingSettings(),  # noqa: B008
-    robot: Annotated[list[str] | None, _ROBOTS] = None,
-    hand: Annotated[str | None, _ROBOTS] = None,
-    base: Annotated[str | None, _ROBOTS] = None,
-    problem: Annotated[Path | None, _ROBOTS] = None,
+    shown: Annotated[Shown, Parameter(name="*")] = Shown(),  # noqa: B008
     width: Annotated[int | None, _VIDEO] = None,
     at: Annotated[float | None, _VIDEO] = None,
     rate: Annotated[float | None, _VIDEO] = None,
@@ -60,14 +51,6 @@ def show(
         title: title of the page.
         layers: names of what is shown, in a page at first, such as 'hand path,mobility ellipsoids';
             an unknown name lists those that exist; default: most of them.
-        side: the arm; default: the right one, or the left one if there is no other.
-        analyse: cut each recording into synergies first, as geodesic-ocp analyse does by default,
-            and show what they predict.
-        robot: robot of a trajectory or an alignment: a name (see geodesic-ocp models) or a file
-            (URDF, MJCF); twice for two arms, in the order of the trajectory.
-        hand: hand (end-effector) frame of robots; default: the last.
-        base: fixed frame of robots that is their base.
-        problem: Python file of the problem of a solution.
         width: width of the picture [pixels].
         at: time [s], or path parameter, of a picture (.png); default: the middle.
         rate: pictures per second [Hz].
@@ -81,7 +64,6 @@ def show(
     options = {"width": width, "rate": rate, "speed": speed, "at": at}
     given = {name: value for name, value in options.items() if value is not None}
     check_destination(out, given)
-    shown = Shown(side, recording, analyse, robot or (), hand, base, problem)
     playback = beside(shown.playbacks(file), title=title)
     if layers is not None:
         playback = playback.showing([name.strip() for name in layers.split(",")])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from geodesic_ocp.cli.terminal import check_folder, print_written
-from geodesic_ocp.studies.study import as_measure
 from geodesic_ocp.studies.study import study as study_tables
+from geodesic_ocp.studies.study_result import as_measure
 from geodesic_ocp.tables import text
 
 
@@ -43,7 +43,7 @@ def study(
         print(f"note: {note}")
     print(f"\n{text(found.means())}")
     tests = found.tests(measure, against)
-    for reference in tests["against"].unique():
+    for reference in set(tests["against"]):
         print(f"\n{tested.header}, against {reference}")
     print(f"\n{text(tests.drop(columns=['against', 'sign test p']))}")
     if found.synergies is not None and len(found.synergies):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
+from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.markers import (
     Axis,
     Markers,
@@ -14,7 +15,6 @@ from geodesic_ocp.recordings.markers.markers import (
     check_plausible_size,
     with_z_up,
 )
-from geodesic_ocp.recordings.recording import named_failures
 
 
 def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:

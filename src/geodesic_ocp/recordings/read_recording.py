@@ -22,15 +22,16 @@ from geodesic_ocp.model.human import (
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
+from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
-from geodesic_ocp.recordings.markers.markers import Axis, as_axis
+from geodesic_ocp.recordings.markers.markers import Axis, Markers, as_axis
+from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.recording import (
     Recording,
     ask_about_limits,
     check_plausible,
     check_radians,
-    named_failures,
     warn_of_gimbal_lock,
 )
 from geodesic_ocp.trajectory.motion import Motion, Subject
@@ -164,44 +165,70 @@ def read_recording(
             out of range.
         NotConverged: no motion was fitted to the markers.
     """
-    given = {"cutoff": cutoff, "duration": duration}
-    named = [name for name, number in given.items() if number is not None]
-    if len(named) + unfiltered > 1:
-        raise ValueError(f"give only one of cutoff, duration and unfiltered, got {given}")
-    units = {"cutoff": "Hz", "duration": "s", "height": "m", "mass": "kg"}
-    for name, number in (given | {"height": height, "mass": mass}).items():
-        if number is not None:
-            as_positive(name, number, units[name])
+    numbers = {"height": height, "mass": mass, "cutoff": cutoff, "duration": duration}
+    check_arguments(side, up, numbers, unfiltered=unfiltered)
     file = Path(path)
-    human_arm(side)  # raises for another side
-    if up is not None:
-        as_axis(up)
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
     of_markers = {"up": up, "marker_set": marker_set}
     with named_failures(file):
         kind = recognise(file)
-    check_stated(
-        file, kind, [name for name, each in (stated | of_markers).items() if each is not None]
-    )
+    every = stated | of_markers
+    check_stated(file, kind, [name for name, each in every.items() if each is not None])
     if FORMATS[kind].content == "markers":
-        fit = _from_markers(file, side, height, mass, armature, of_markers)
+        markers = read_markers(file)
+        arm = _arm_of(markers.subject, file, side, height, mass, armature)
+        fit = _fitted(file, arm, markers, height, of_markers)
         arm, motion = fit.model, fit.motion
+        if cutoff is None and duration is None:
+            unfiltered = True  # the fit has smoothed it
     else:
         fit = None
-        joints = human_arm(side).joint_names
-        motion = read_motion(file, joints, **stated)
+        motion = read_motion(file, human_arm(side).joint_names, **stated)
         arm = _arm_of(motion.subject, file, side, height, mass, armature)
-    try:
+    with named_failures(file):
         check_plausible(arm, motion)
         ask_about_limits(arm, motion, str(file))
         warn_of_gimbal_lock(motion, str(file))
         if resample is not None:
             motion = motion.resampled(resample)
-        smooth = unfiltered or (fit is not None and not named)  # the fit has smoothed it
-        motion = with_velocity(motion, cutoff, duration, unfiltered=smooth)
-    except ValueError as error:
-        raise RecordingError(f"{file}: {error}") from None
+        if unfiltered:
+            motion = replace(motion, velocity=motion(motion.time, 1))  # of a cubic spline
+        else:
+            motion = motion.filtered(cutoff=cutoff, duration=duration)
     return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name, fit)
+
+
+def check_arguments(
+    side: Side,
+    up: Axis | None,
+    numbers: Mapping[str, Any],
+    *,
+    unfiltered: bool = False,
+) -> None:
+    """Check arguments of `read_recording` that do not depend on the file.
+
+    Args:
+        side: "right" or "left".
+        up: axis that points upwards, or None.
+        numbers: height, mass, cutoff and duration.
+        unfiltered: whether the motion is not to be filtered.
+
+    Raises:
+        ValueError: another side or axis, a number that is not positive, or several filters.
+    """
+    units = {"cutoff": "Hz", "duration": "s", "height": "m", "mass": "kg"}
+    given = [name for name in units if numbers[name] is not None]
+    for name in given:
+        as_positive(name, numbers[name], units[name])
+    filters = [
+        f"{numbers[name]:g} {units[name]}" for name in given if name in ("cutoff", "duration")
+    ]
+    if len(filters) + unfiltered > 1:
+        allowed = "cutoff, duration and unfiltered" if unfiltered else "cutoff and duration"
+        raise ValueError(f"give only one of {allowed}, got {' and '.join(filters)}")
+    human_arm(side)  # raises for another side
+    if up is not None:
+        as_axis(up)
 
 
 def _arm_of(
@@ -212,33 +239,26 @@ def _arm_of(
     mass: float | None,
     armature: float,
 ) -> Model:
+    """Return the arm of the person; ValueError for a height or mass that no person has."""
     stature = stature_of(subject, height, mass)
     try:
         as_stature(*stature)
     except ValueError as error:
-        raise ValueError(f"{file}: {error}" if height is None and mass is None else error) from None
+        if height is None and mass is None:
+            raise RecordingError(f"{file}: {error}") from None
+        raise
     return _arm(side, *stature, armature)
 
 
-def _from_markers(
-    file: Path,
-    side: Side,
-    height: float | None,
-    mass: float | None,
-    armature: float,
-    of_markers: dict[str, Any],
+def _fitted(
+    file: Path, arm: Model, markers: Markers, height: float | None, of_markers: dict[str, Any]
 ) -> MarkerFit:
-    """Get the motion that is fitted to the markers, and the arm with the lengths of the person."""
+    """Return the motion that is fitted to the markers, and the arm with the person's lengths."""
     from geodesic_ocp.recordings.markers.fit_markers import fit_markers
-    from geodesic_ocp.recordings.read_markers import read_markers
 
-    markers = read_markers(file)
-    stature = stature_of(markers.subject, height, mass)
-    with named_failures(file):
-        arm = human_arm(side, *stature, armature=armature)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", DOUBTFUL, RuntimeWarning)  # named below
-            fit = fit_markers(arm, markers, height=height, **of_markers)
+    with named_failures(file), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", DOUBTFUL, RuntimeWarning)  # named below
+        fit = fit_markers(arm, markers, height=height, **of_markers)
     if fit.doubts:
         warnings.warn(f"{file}: {'; '.join(fit.doubts)}", RuntimeWarning, stacklevel=3)
     return fit
@@ -259,16 +279,3 @@ def stature_of(
         DEFAULT_HEIGHT if height is None else height,
         DEFAULT_MASS if mass is None else mass,
     )
-
-
-def with_velocity(
-    motion: Motion,
-    cutoff: float | None = None,
-    duration: float | None = None,
-    *,
-    unfiltered: bool = False,
-) -> Motion:
-    """Return the motion with velocities: filtered, or as it is, with those of a cubic spline."""
-    if unfiltered:
-        return replace(motion, velocity=motion(motion.time, 1))
-    return motion.filtered(cutoff=cutoff, duration=duration)

@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
-from geodesic_ocp.recordings.markers.markers import Axis, as_axis
-from geodesic_ocp.recordings.read_recording import read_recording, that_apply
+from geodesic_ocp.recordings.markers.markers import Axis
+from geodesic_ocp.recordings.read_recording import (
+    check_arguments,
+    read_recording,
+    that_apply,
+)
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -157,38 +159,16 @@ def read_recordings(
             as another file, which statistics would count twice.
         ValueError: no path, both cutoff and duration, or one of the numbers is not positive.
     """
-    if cutoff is not None and duration is not None:
-        raise ValueError(
-            f"give only one of cutoff and duration, got {cutoff:g} Hz and {duration:g} s"
-        )
-    numbers = {"height": height, "mass": mass, "cutoff": cutoff, "duration": duration}
-    for name, number in numbers.items():
-        if number is not None:
-            as_positive(name, number)
-    human_arm(side)  # raises for another side
-    stated = {
-        "convention": convention,
-        "unit": unit,
-        "rate": rate,
-        "skeleton": skeleton,
-        "up": up,
-        "marker_set": marker_set,
-    }
-    if up is not None:
-        as_axis(up)
+    numbers: dict[str, Any] = {"height": height, "mass": mass}
+    numbers |= {"cutoff": cutoff, "duration": duration}
+    stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
+    stated |= {"up": up, "marker_set": marker_set}
+    check_arguments(side, up, numbers)
     found: list[tuple[Path, Recording]] = []
     reasons: list[str] = []
     for file in recording_files(paths, recursive=recursive):
         try:
-            recording = read_recording(
-                file,
-                side,
-                height=height,
-                mass=mass,
-                cutoff=cutoff,
-                duration=duration,
-                **that_apply(file, stated),
-            )
+            recording = read_recording(file, side, **numbers, **that_apply(file, stated))
         except (ValueError, NotConverged) as failure:
             reasons.append(_with_name(file, str(failure)))
             continue

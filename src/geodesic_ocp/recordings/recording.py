@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.trajectory.motion import Motion
@@ -191,22 +187,3 @@ def _question(joint: str, q: Array) -> str:
         f"{joint} reaches {q[int(np.argmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are in "
         "rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
     )
-
-
-@contextmanager
-def named_failures(file: Path) -> Iterator[None]:
-    """Raise failures of the operating system, of decoding and of values as RecordingError."""
-    try:
-        yield
-    except OSError as failure:
-        raise RecordingError(f"{file}: cannot be read: {failure.strerror or failure}") from None
-    except csv.Error as failure:
-        raise RecordingError(f"{file}: is not a table: {failure}") from None
-    except UnicodeDecodeError as failure:
-        raise RecordingError(
-            f"{file}: is not text in UTF-8 (byte {failure.start}); save it as UTF-8"
-        ) from None
-    except ValueError as failure:
-        if isinstance(failure, RecordingError) and str(failure).startswith(str(file)):
-            raise
-        raise RecordingError(f"{file}: {failure}") from None

@@ -8,4 +8,4 @@ from .compare_metrics import compare_metrics as compare_metrics
 from .paired_test import PairedTest as PairedTest
 from .paired_test import paired_test as paired_test
 from .result_files import RecordingOutcome as RecordingOutcome
-from .study import StudyResult as StudyResult
+from .study_result import StudyResult as StudyResult

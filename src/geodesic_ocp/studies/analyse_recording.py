@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import json
 import multiprocessing
 import signal
 import tempfile
@@ -28,17 +27,16 @@ from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import (
-    FORMAT,
     RESULTS,
     SYNERGIES,
-    VERSION,
     OutcomeKind,
     RecordingOutcome,
     RecordingTask,
     read_result,
     result_name,
+    write_result,
 )
-from geodesic_ocp.studies.sources import RecordingSource, identity, person_row, stature
+from geodesic_ocp.studies.sources import RecordingSource, person_row, stature
 from geodesic_ocp.studies.study_tables import Row, recording_rows, synergy_rows
 from geodesic_ocp.synergies.analyse import Analysis, analyse
 from geodesic_ocp.synergies.synergy import save_synergies
@@ -172,9 +170,7 @@ def _analysed(task: RecordingTask) -> RecordingOutcome:
     for row in record["recordings"]:
         row["computation_s"] = seconds
     write_file(target.with_suffix(SYNERGIES), synergies, lasting=True)
-    write_file(
-        target, json.dumps(record, allow_nan=False), lasting=True
-    )  # last: it makes the result
+    write_result(target, record)  # last: it makes the result
     return replace(outcome_of(task.source, task.key, record), kind="analysed", seconds=seconds)
 
 
@@ -196,14 +192,11 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
     same: Row = person_row(recording, settings, source) | {"settings": digest}
     own: Row = {"settings": digest}
     record = {
-        "format": FORMAT,
-        "version": VERSION,
         "key": task.key,
         "package": version("geodesic_ocp"),
         "settings": settings.record(),
         "own_subject": motion.subject.name,
         "probes": _probes(motion),
-        "identity": identity(source, motion.subject.name),
         "recordings": [same | row for row in recording_rows(analysis)],
         "synergies": [own | row for row in synergy_rows(analysis)],
     }

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import in_executor, in_processes, usable_cores
@@ -31,10 +29,9 @@ from geodesic_ocp.studies.result_files import (
     read_result,
     result_key,
     results_by_key,
-    unfinished,
     write_tables,
 )
-from geodesic_ocp.studies.sources import RecordingSource, identity, recording_sources
+from geodesic_ocp.studies.sources import RecordingSource, recording_sources
 from geodesic_ocp.studies.study_tables import TABLES, read_table
 
 if TYPE_CHECKING:
@@ -172,15 +169,25 @@ def analyse_recordings(
     own = {folder / f"{name}.csv" for name in TABLES}  # of a run in the recordings' folder
     sources = [source for source in sources if source.path not in own]
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
-    outcomes = _Outcomes(len(sources), progress or no_progress, finished)
-    tasks = _tasks(sources, settings, folder, time_limit, outcomes)
-    with nullcontext() if tables_only else _alone_in(folder):
+    found: dict[str, RecordingOutcome] = {}
+    report = progress or no_progress
+    report(_LABEL, 0, len(sources))
+
+    def add(outcome: RecordingOutcome) -> None:
+        found[outcome.source.name] = outcome
+        if finished is not None:
+            finished(outcome)
+        report(_LABEL, len(found), len(sources))
+
+    tasks = _tasks(sources, settings, folder, time_limit, add)
+    with nullcontext() if tables_only else locked(folder):
         with closing(_run(tasks, jobs, executor, tables_only)) as run:
             for outcome in run:
-                outcomes.add(outcome)
-        collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
-        others = other_results(folder, outcomes.found.values())
-        written = write_tables(folder, collected, kept, settings, others)
+                add(outcome)
+        rows, kept = collect(folder, [found[source.name] for source in sources])
+        others = other_results(folder, found.values())
+        notes = tuple(notes_of(rows["recordings"], others))
+        written = write_tables(folder, rows, kept, settings, notes)
     return BatchResult(
         folder=folder,
         analysed=sum(outcome.kind == "analysed" for outcome in kept),
@@ -188,7 +195,7 @@ def analyse_recordings(
         failures=tuple(outcome for outcome in kept if not outcome.success),
         warned=tuple(outcome for outcome in kept if outcome.success and outcome.warnings),
         others=others,
-        notes=tuple(notes_of(collected.recordings, others)),
+        notes=notes,
         seconds=time.perf_counter() - start,
         files=written,
     )
@@ -210,46 +217,12 @@ def _run(
         yield from in_executor(executor, tasks, jobs or _WINDOW)
 
 
-@contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
-    """Let this run alone work in the folder, without what killed processes have left there."""
-    with locked(folder):
-        _clean(folder)
-        yield
-        _clean(folder)
-
-
-def _clean(folder: Path) -> None:
-    for file in unfinished(folder):
-        file.unlink(missing_ok=True)
-
-
-class _Outcomes:
-    """Outcomes by the name of the recording, each reported once."""
-
-    def __init__(
-        self,
-        total: int,
-        progress: Progress,
-        finished: Callable[[RecordingOutcome], object] | None,
-    ) -> None:
-        self.found: dict[str, RecordingOutcome] = {}
-        self._total, self._progress, self._finished = total, progress, finished
-        progress(_LABEL, 0, total)
-
-    def add(self, outcome: RecordingOutcome) -> None:
-        self.found[outcome.source.name] = outcome
-        if self._finished is not None:
-            self._finished(outcome)
-        self._progress(_LABEL, len(self.found), self._total)
-
-
 def _tasks(
     sources: Sequence[RecordingSource],
     settings: AnalysisSettings,
     folder: Path,
     time_limit: float | None,
-    outcomes: _Outcomes,
+    add: Callable[[RecordingOutcome], None],
 ) -> Iterator[RecordingTask]:
     """Yield the recordings that are to be analysed; outcomes of the others are added on the way."""
     known = results_by_key(folder)
@@ -270,14 +243,5 @@ def _tasks(
                     yield RecordingTask(source, settings, folder, key, time_limit)
                     continue
                 else:
-                    _rename(known[key], record, source)
                     outcome = outcome_of(source, key, record)
-        outcomes.add(outcome)
-
-
-def _rename(path: Path, record: dict[str, Any], source: RecordingSource) -> None:
-    """Let a result from before have the names that the recording has now."""
-    now = identity(source, record.get("own_subject", ""))
-    if record["identity"] != now:
-        text = json.dumps(record | {"identity": now}, allow_nan=False)
-        write_file(path, text, lasting=True)
+        add(outcome)

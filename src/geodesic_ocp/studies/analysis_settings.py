@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from geodesic_ocp.arrays import ShortRepr
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import METRIC_NAMES, KineticEnergy, as_analysis_metric
 from geodesic_ocp.model.model import Model
@@ -26,7 +27,7 @@ _OPTIMAL = (*_WANTED, "measure", "spacing", "max_duration")
 
 
 @dataclass(frozen=True, repr=False)
-class AnalysisSettings(RecordingSettings):
+class AnalysisSettings(ShortRepr, RecordingSettings):
     """Settings of the filter, the metric and the segments of an analysis.
 
     These settings are the options of `geodesic-ocp analyse`, the arguments of
@@ -114,14 +115,6 @@ class AnalysisSettings(RecordingSettings):
                 f"{' and '.join(wanted) or 'none of them'}"
             )
 
-    def __repr__(self) -> str:
-        others = [
-            f"{each.name}={getattr(self, each.name)!r}"
-            for each in fields(self)
-            if getattr(self, each.name) != each.default
-        ]
-        return f"AnalysisSettings({', '.join(others)})"
-
     def record(self) -> dict[str, Any]:
         """Get the settings as they are stored; of files that they name the content, by a digest."""
         found = asdict(self)
@@ -131,14 +124,11 @@ class AnalysisSettings(RecordingSettings):
 
     def files(self) -> dict[str, Path]:
         """Return the files that settings name, by setting."""
-        found = {}
+        names = ["convention", "skeleton", "marker_set"]
         if self.metric not in METRIC_NAMES:
-            found["metric"] = Path(self.metric)
-        for name in ("convention", "skeleton", "marker_set"):
-            file = getattr(self, name)
-            if file is not None and Path(file).is_file():
-                found[name] = Path(file)
-        return found
+            names.append("metric")
+        given = {name: Path(file) for name in names if (file := getattr(self, name)) is not None}
+        return {name: file for name, file in given.items() if file.is_file()}
 
     def digest(self) -> str:
         """Return eight hexadecimal digits that are the same for the same settings."""
@@ -165,15 +155,5 @@ class AnalysisSettings(RecordingSettings):
         """Return the optimal segments of a filtered motion; None for those of the online rule."""
         if self.segments == "online":
             return None
-        return segment_optimal(
-            metric,
-            motion,
-            count=self.count,
-            penalty=self.penalty,
-            error=self.error,
-            measure=self.measure,
-            model=model,
-            spacing=self.spacing,
-            max_duration=self.max_duration,
-            progress=progress,
-        )
+        wanted = {name: getattr(self, name) for name in _OPTIMAL}
+        return segment_optimal(metric, motion, model=model, progress=progress, **wanted)

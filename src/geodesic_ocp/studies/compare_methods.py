@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -94,17 +95,17 @@ class MethodComparison:
         Raises:
             ValueError: there is no such score.
         """
+        from pandas import DataFrame
+
         shown = scores or _SHOWN
         complete = np.flatnonzero(np.all(np.isfinite(self.values()), axis=1))
-        means = [_means(self.values(score)[complete]) for score in shown]
-        count = f"{len(complete)} of {len(self.recordings)}"
-        segments = sum(len(self.segments[index]) for index in complete)
-        header = ("method", "observed at the ends", "recordings", "segments")
-        rows: list[tuple[str | int | float, ...]] = []
-        for k, method in enumerate(self.methods):
-            entries = [float(mean[k]) for mean in means]
-            rows.append((method, self.observed[method], count, segments, *entries))
-        return new_table((*header, *(SCORES[score] for score in shown)), tuple(rows))
+        found = DataFrame({"observed at the ends": self.observed}, self.methods)
+        found["recordings"] = f"{len(complete)} of {len(self.recordings)}"
+        found["segments"] = sum(len(self.segments[index]) for index in complete)
+        for each in shown:
+            means = DataFrame(self.values(each)[complete], columns=self.methods).mean()
+            found[SCORES[each]] = means
+        return found.rename_axis("method")
 
     def by_recording(self, score: str = "joint_mean") -> DataFrame:
         """Return one score of every recording (row) and method (column).
@@ -112,12 +113,12 @@ class MethodComparison:
         Raises:
             ValueError: there is no such score.
         """
-        values = self.values(score)
-        rows = tuple(
-            (name, self.subjects[k], len(self.segments[k]), *values[k].tolist())
-            for k, name in enumerate(self.recordings)
-        )
-        return new_table((SCORES[score], "subject", "segments", *self.methods), rows)
+        from pandas import DataFrame
+
+        found = DataFrame(self.values(score), self.recordings, self.methods)
+        found.insert(0, "subject", self.subjects)
+        found.insert(1, "segments", [len(each) for each in self.segments])
+        return found.rename_axis(SCORES[score])
 
     def tests(
         self,
@@ -180,36 +181,24 @@ class MethodComparison:
         """
         tests = self.tests(score, against, by=by, confidence=confidence, seed=seed)
         unit = SCORES[score].partition("[")[2]
-        header = (
-            f"against {against}, by {by}",
-            "wins",
-            f"mean difference{' [' * bool(unit)}{unit}",
-            f"{confidence:.0%} interval",
-            "sign test p",
-            "Wilcoxon p",
-        )
         notes = [test.note for test in tests.values()]
-        differ = len(set(notes)) > 1
-        rows: tuple[tuple[str | int | float, ...], ...] = tuple(
+        columns = [f"against {against}, by {by}", "wins"]
+        columns.append(f"mean difference{' [' * bool(unit)}{unit}")
+        columns += [f"{confidence:.0%} interval", "sign test p", "Wilcoxon p"]
+        rows = [
             (
-                method,
-                f"{test.wins} of {test.pairs}",
-                test.mean_difference,
-                f"{test.interval[0]:.3g} to {test.interval[1]:.3g}",
-                test.sign_p,
-                test.wilcoxon_p,
-                *((test.note or "-",) if differ else ()),
+                *(method, f"{test.wins} of {test.pairs}", test.mean_difference),
+                "{:.3g} to {:.3g}".format(*test.interval),
+                *(test.sign_p, test.wilcoxon_p),
             )
             for method, test in tests.items()
-        )
-        if differ:
-            return new_table((*header, "note"), rows)
-        return new_table(header, rows, notes[0] if notes else "")
-
-
-def _means(values: Array) -> Array:
-    """Return means of the columns; NaN of none."""
-    return values.mean(axis=0) if len(values) else np.full(values.shape[1], np.nan)
+        ]
+        found = new_table(columns, rows)
+        if len(set(notes)) > 1:
+            found["note"] = [note or "-" for note in notes]
+        elif notes:
+            found.attrs["note"] = notes[0]
+        return found
 
 
 _Segments = Sequence[tuple[int, int]]
@@ -304,12 +293,9 @@ def compare_methods(
             progress(label, done, total)
         done += 1
 
-    found: dict[tuple[str, Model], Metric] = {}  # compiled once for recordings of one model
-
+    @cache  # compiled once for recordings of one model
     def metric(name: str, model: Model) -> Metric:
-        if (name, model) not in found:
-            found[name, model] = metric_of(name, metrics[name], model)
-        return found[name, model]
+        return metric_of(name, metrics[name], model)
 
     cuts = _given_segments(recordings, segments)
     for recording in recordings:

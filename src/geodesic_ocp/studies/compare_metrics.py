@@ -5,8 +5,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +34,7 @@ from geodesic_ocp.trajectory.motion import Motion, bandwidth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame, Series
+    from pandas import DataFrame
 
 
 # A metric, or a function of a model that returns one.
@@ -80,88 +81,20 @@ _LABELS = {
     "position": "mean error of the hand's position [m]",
     "orientation": "mean error of the hand's orientation [rad]",
 }
-_MARKS = "DvPXph*<>"
+_MARKS = "os^DvPXph*<>"
 _LEAST_SHOWN, _BEYOND = 24, 1.25  # numbers of segments, and a factor beyond the largest mark
-
-
-def draw_error_curves(
-    axes: Axes,
-    curves: Mapping[str, tuple[Series, int]],
-    points: Mapping[str, Series],
-    measure: str,
-    max_count: int | None,
-) -> None:
-    """Draw one curve for each name, marked at its best number, and hollow marks for its points.
-
-    Args:
-        axes: to draw into.
-        curves: errors by the number of segments, and the best number.
-        points: errors by the number of segments.
-        measure: for the label of the axis.
-        max_count: largest number shown.
-    """
-    marked = [best for _, best in curves.values()]
-    marked += [count for found in points.values() for count in found.index]
-    largest = max(int(errors.index[-1]) for errors, _ in curves.values())
-    if max_count is None:
-        max_count = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked, default=0))))
-    visible: list[float] = []
-    for (name, (errors, best)), style in zip(curves.items(), _styles(len(curves)), strict=True):
-        mark, line = style["marker"], {**style, "marker": "none"}
-        few = {"marker": mark, "markersize": 4.0} if len(errors) <= 12 else {}
-        shown, hollow = (each[each.index <= max_count] for each in (errors, points[name]))
-        axes.plot(shown, **{**line, **few}, label=name)
-        at = {"color": style["color"], "linestyle": "none", "marker": mark, "zorder": 4}
-        axes.plot([best], [errors[best]], markersize=8.0, **at)
-        if len(hollow):
-            axes.plot(hollow, markersize=6.5, fillstyle="none", **at)
-        visible += [*shown, *hollow]
-    axes.set_yscale("log")
-    positive = [error for error in visible if error > 0.0]
-    if positive:
-        axes.set_ylim(0.85 * min(positive), 1.15 * max(positive))
-    axes.set_xlim(0.0, max_count + 1.0)
-    axes.set_xlabel("number of segments")
-    axes.set_ylabel(_LABELS[measure])
-    axes.grid(which="both", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    _plain_ticks(axes)
-    _add_legend(axes, any(len(each) for each in points.values()))
 
 
 def _styles(count: int) -> list[dict[str, Any]]:
     if count <= len(COMPARED):
         return list(COMPARED[:count])
-    marks = ["o", "s", "^", *_MARKS]
     return [
-        {**style, "marker": marks[index % len(marks)]}
-        for index, style in enumerate(line_styles(count))
+        {**style, "marker": mark}
+        for style, mark in zip(line_styles(count), cycle(_MARKS), strict=False)
     ]
 
 
-def _plain_ticks(axes: Axes) -> None:
-    """Numbers such as 0.02 instead of powers of ten."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axes.yaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _add_legend(axes: Axes, has_points: bool) -> None:
-    """A legend of the curves and of the two kinds of marks."""
-    from matplotlib.lines import Line2D
-
-    grey: dict[str, Any] = {"color": "0.35", "linestyle": "none", "marker": "o"}
-    handles: list[Any] = list(axes.get_legend_handles_labels()[0])
-    handles.append(Line2D([], [], markersize=8.0, label="least BIC", **grey))
-    if has_points:
-        mark = Line2D([], [], markersize=6.5, fillstyle="none", label="online rule", **grey)
-        handles.append(mark)
-    axes.legend(handles=handles, fontsize="small", frameon=True, framealpha=0.9)
-
-
-_MEASURES: tuple[Measure, ...] = ("joint", "position", "orientation")
+_MEASURES: tuple[Measure, ...] = get_args(Measure)
 _SHOWN = (4, 8, 12, 16, 20, 24)  # of many numbers of segments
 _HEADER = ("metric", "cuts", "segments", "joints [rad]", "hand [m]", "hand [rad]")
 
@@ -243,9 +176,7 @@ class MetricComparison:
                 rows.append((name, f"online, {threshold:g} rad", *found))
         return new_table(_HEADER, rows)
 
-    def draw(
-        self, axes: Axes, measure: Measure | None = None, *, max_count: int | None = None
-    ) -> None:
+    def draw(self, axes: Axes, measure: Measure | None = None) -> None:
         """Draw error against number of segments into axes, with a legend.
 
         Curves are optimal cuts, their filled marks the numbers worth having, hollow marks the
@@ -254,7 +185,6 @@ class MetricComparison:
         Args:
             axes: axes of matplotlib.
             measure: measure of the error; None is the one that the cuts minimize.
-            max_count: largest number shown; None shows somewhat more than what is marked.
 
         Raises:
             ValueError: an unknown measure.
@@ -262,9 +192,39 @@ class MetricComparison:
         measure = self.measure if measure is None else measure
         if measure not in _MEASURES:
             raise ValueError(f"measure must be one of {', '.join(_MEASURES)}, got {measure!r}")
-        curves = {n: (each[measure], self.best_count(n)) for n, each in self.curves.items()}
-        points = {n: each.set_index("segments")[measure] for n, each in self.online.items()}
-        draw_error_curves(axes, curves, points, measure, max_count)
+        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+        best = {name: self.best_count(name) for name in self.curves}
+        online = {n: each.set_index("segments")[measure] for n, each in self.online.items()}
+        marked = [*best.values(), *(count for each in online.values() for count in each.index)]
+        largest = max(int(curve.index[-1]) for curve in self.curves.values())
+        shown = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked))))
+        visible: list[float] = []
+        for (name, curve), style in zip(self.curves.items(), _styles(len(best)), strict=True):
+            errors, points = curve[measure], online[name]
+            few = {"markersize": 4.0} if len(errors) <= 12 else {"marker": "none"}
+            axes.plot(errors, **{**style, **few}, label=name)
+            at = {**style, "linestyle": "none", "zorder": 4}
+            axes.plot([best[name]], [errors[best[name]]], **at, markersize=8.0)
+            axes.plot(points, **at, markersize=6.5, fillstyle="none")
+            visible += [*errors[errors.index <= shown], *points]
+        grey: dict[str, Any] = {"color": "0.35", "linestyle": "none", "marker": "o"}
+        axes.plot([], [], **grey, markersize=8.0, label="least BIC")
+        if any(map(len, online.values())):
+            axes.plot([], [], **grey, markersize=6.5, fillstyle="none", label="online rule")
+        axes.legend(fontsize="small", frameon=True, framealpha=0.9)
+        axes.set_yscale("log")
+        if positive := [error for error in visible if error > 0.0]:
+            axes.set_ylim(0.85 * min(positive), 1.15 * max(positive))
+        axes.set_xlim(0.0, shown + 1.0)
+        axes.set_xlabel("number of segments")
+        axes.set_ylabel(_LABELS[measure])
+        axes.grid(which="both", color="0.9", linewidth=0.6)
+        axes.set_axisbelow(True)
+        # Numbers such as 0.02 instead of powers of ten.
+        axes.yaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
 
     def plot(self) -> Figure:
         """Return error against number of segments in all three measures."""
@@ -436,7 +396,7 @@ def compare_metrics(
             model=model,
             spacing=spacing,
             max_duration=max_duration,
-            progress=None if progress is None else _labelled(progress, name),
+            progress=progress and _labelled(progress, name),
         )
         chosen = found.counts.tolist() if counts is None else sorted({int(k) for k in counts})
         curves[name] = _curve(model, found, chosen, refined, floor, frequency)

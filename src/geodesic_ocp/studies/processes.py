@@ -29,31 +29,6 @@ from geodesic_ocp.studies.result_files import RecordingOutcome, RecordingTask
 Finished = tuple[RecordingTask, "Future[RecordingOutcome]"]
 
 
-_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Let processes that are started here use one thread; this process stays as it is."""
-    before = {name: os.environ.get(name) for name in _VARIABLES}
-    os.environ.update(dict.fromkeys(_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
 def completed(
     executor: Executor, tasks: Iterator[RecordingTask], window: int
 ) -> Iterator[Finished]:
@@ -67,7 +42,7 @@ def completed(
         while True:
             for task in () if broken else islice(tasks, window - len(pending)):
                 try:
-                    with one_thread():  # a submission may start processes
+                    with one_thread():  # processes start when something is submitted
                         future = executor.submit(run_task, task)
                 except BrokenExecutor as failure:
                     broken, future = True, Future()
@@ -104,29 +79,32 @@ def in_executor(
         GeodesicOcpError: the executor itself is broken; what is finished stays.
         OSError: a result cannot be written.
     """
-    again: list[tuple[RecordingTask, str]] = []
+    again = {}
     for task, future in completed(executor, tasks, window):
-        failure = failure_of(future)
-        if failure is None:
+        if (failure := _loss(executor, future)) is None:
             yield future.result()
-        elif isinstance(failure, BrokenExecutor):
-            raise _broken(executor, failure)
-        elif _is_of_the_folder(failure):
-            raise failure
         else:
-            again.append((task, _named(failure)))
-    for task, first in again:
+            again[task] = _named(failure)
+    for task, first in again.items():
         for _, future in completed(executor, iter([task]), 1):
-            second = failure_of(future)
-            if second is None:
+            if (failure := _loss(executor, future)) is None:
                 yield future.result()
-            elif isinstance(second, BrokenExecutor):
-                raise _broken(executor, second)
-            elif _is_of_the_folder(second):
-                raise second
             else:
-                text = f"failed twice in its executor: {first}; then {_named(second)}"
+                text = f"failed twice in its executor: {first}; then {_named(failure)}"
                 yield RecordingOutcome(task.source, "process", text)
+
+
+def _loss(executor: Executor, future: Future[RecordingOutcome]) -> BaseException | None:
+    """Return why a recording was lost; raises what ends the run."""
+    failure = failure_of(future)
+    if isinstance(failure, BrokenExecutor):
+        raise GeodesicOcpError(
+            f"the {type(executor).__name__} has ended early ({_named(failure)}); finished "
+            "recordings are kept: run again with another one"
+        )
+    if failure is not None and _is_of_the_folder(failure):
+        raise failure
+    return failure
 
 
 def _is_of_the_folder(failure: BaseException) -> bool:
@@ -142,11 +120,29 @@ def _named(failure: BaseException) -> str:
     return f"{type(failure).__name__}: {' '.join(str(failure).split())}".rstrip(": ")
 
 
-def _broken(executor: Executor, failure: BaseException) -> GeodesicOcpError:
-    return GeodesicOcpError(
-        f"the {type(executor).__name__} has ended early ({_named(failure)}); finished recordings "
-        "are kept: run again with another one"
-    )
+_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let processes that are started here use one thread; this process stays as it is."""
+    before = {name: os.environ.get(name) for name in _VARIABLES}
+    os.environ.update(dict.fromkeys(_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 def usable_cores() -> int:
@@ -158,7 +154,9 @@ def usable_cores() -> int:
 
 _UNLIKELY_PARENT = "500"  # the system's choice when memory is short falls on these processes
 _AHEAD = 2  # tasks submitted for each process
-_RENEWAL = 100  # recordings of a process until all are replaced, so that memory stays bounded
+# Recordings for each process, after which all are renewed, so that their memory stays bounded.
+# Executors' own `max_tasks_per_child` can stop for ever while tasks wait (CPython issue 115634).
+_RENEWAL = 100
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -191,7 +189,7 @@ def _end_with(parent: Any) -> None:
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[Executor]:
-    """Yield processes with one thread each, which are killed if the body raises."""
+    """Yield an executor of processes, which are killed if the body raises."""
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=_CONTEXT, initializer=_start)
     try:
@@ -220,18 +218,16 @@ def in_processes(tasks: Iterator[RecordingTask], jobs: int) -> Iterator[Recordin
         OSError: a result cannot be written.
     """
     for first in tasks:
+        lost: list[RecordingTask] = []
         some = chain([first], islice(tasks, _RENEWAL * jobs - 1))
-        lost: list[RecordingTask] | None = None
-        while lost is None or lost:
-            lost = []
-            with _pool(jobs) as pool:
-                for task, future in completed(pool, some, _AHEAD * jobs):
-                    if isinstance(failure_of(future), BrokenExecutor):
-                        lost.append(task)
-                    else:
-                        yield future.result()
-            for task in lost:
-                yield _alone(task)
+        with _pool(jobs) as pool:
+            for task, future in completed(pool, some, _AHEAD * jobs):
+                if isinstance(failure_of(future), BrokenExecutor):
+                    lost.append(task)
+                else:
+                    yield future.result()
+        for task in lost:
+            yield _alone(task)
 
 
 def _alone(task: RecordingTask) -> RecordingOutcome:

@@ -8,32 +8,29 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import msgspec
 import numpy as np
+from scipy.spatial import KDTree
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import TEMPORARY, convert, read_record, write_file
+from geodesic_ocp.records import TEMPORARY, read_record, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.sources import RecordingSource
+from geodesic_ocp.studies.sources import RecordingSource, identity
 from geodesic_ocp.studies.study_tables import (
-    IDENTITY,
     PARQUET_HINT,
-    RECORDINGS,
-    Kind,
     Row,
     has_parquet,
     new_rows,
     write_table,
 )
-from geodesic_ocp.studies.study_tables import SYNERGIES as SYNERGY_COLUMNS
-from geodesic_ocp.tables import markdown
+from geodesic_ocp.tables import markdown, new_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -101,35 +98,7 @@ class RecordingOutcome:
 FORMAT, VERSION = "geodesic_ocp result of a recording", 1
 RESULTS = "results"  # folder of the results, within that of the output
 SYNERGIES = ".synergies.json"
-# Of the rows of recordings, what the summary reads.
-_NEEDED = (
-    *("method_label", "segments", "height_m", "mass_kg"),
-    *("joint_error_rad", "position_error_m", "orientation_error_rad"),
-)
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
-
-
-def _row_type(columns: Mapping[str, Kind], needed: Iterable[str]) -> Any:
-    types: dict[str, Any] = {"text": str, "integer": int | None, "number": float | None}
-    fields = [
-        (name, types[kind], msgspec.NODEFAULT if name in needed else None)
-        for name, kind in columns.items()
-    ]
-    return msgspec.defstruct("Row", fields, kw_only=True, forbid_unknown_fields=True)
-
-
-# What the tables and the outcome are made of.
-_Result: Any = msgspec.defstruct(
-    "Result",
-    [
-        ("identity", _row_type(IDENTITY, IDENTITY)),
-        ("own_subject", str),
-        ("probes", tuple[int, Annotated[list[float], msgspec.Meta(min_length=1)]]),
-        ("recordings", list[_row_type(RECORDINGS, _NEEDED)]),  # type: ignore[misc]
-        ("synergies", list[_row_type(SYNERGY_COLUMNS, ())]),  # type: ignore[misc]
-        ("warnings", list[str]),
-    ],
-)
 
 
 def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
@@ -168,21 +137,24 @@ def results_by_key(folder: Path) -> dict[str, Path]:
     return found
 
 
+def write_result(path: Path, record: dict[str, Any]) -> None:
+    """Write the record of a result, with a checksum of it."""
+    content = {"format": FORMAT, "version": VERSION, **record}
+    text = json.dumps({**content, "checksum": _checksum(content)}, allow_nan=False)
+    write_file(path, text, lasting=True)
+
+
 def read_result(path: Path) -> dict[str, Any] | None:
     """Return the record of a result; None if the file is missing, damaged or of another version."""
     try:
         record = read_record(path, FORMAT, VERSION, "a result")
-        rows = convert(record, _Result, path).recordings
     except RecordingError:
         return None
-    # The outcome states the errors of the first row.
-    has_errors = rows and None not in (rows[0].joint_error_rad, rows[0].position_error_m)
-    return record if has_errors else None
+    return record if record.pop("checksum", None) == _checksum(record) else None
 
 
-def unfinished(folder: Path) -> Iterator[Path]:
-    """Yield temporary files that processes which were killed left among the results."""
-    yield from (folder / RESULTS).glob(f"{TEMPORARY}*")
+def _checksum(record: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
 
 
 _FILE = ".lock"
@@ -190,7 +162,8 @@ _FILE = ".lock"
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the folder for this run alone.
+    """Hold the folder for this run alone, without what killed processes have left among the
+    results.
 
     Raises:
         ValueError: another run works in this folder; names its process.
@@ -211,48 +184,40 @@ def locked(folder: Path) -> Iterator[None]:
         stream.truncate(0)
         stream.write(f"{os.getpid()}\n")
         stream.flush()
+        _clean(folder)
         yield
+        _clean(folder)
+
+
+def _clean(folder: Path) -> None:
+    for file in (folder / RESULTS).glob(f"{TEMPORARY}*"):
+        file.unlink(missing_ok=True)
 
 
 _SAME = 1e-6  # [rad]; formats print angles with at least this precision
 
 
-class MotionsByProbes:
-    """Recorded motions by their probes: the angles at some samples.
+def equal_motions(motions: Sequence[tuple[str, int, list[float]] | None]) -> dict[int, int]:
+    """Return the index of the first of several equal motions, by the indices of the later ones.
 
     Motions are equal if they are of the same side, have as many samples, and differ by at most
-    1e-6 rad in every probe. Each is kept under its weighted mean angle, rounded to twice that, so
-    that an equal one is found under the same or a neighbouring value, without a look at the others.
+    1e-6 rad in every probe.
+
+    Args:
+        motions: sides, numbers of samples, and probes; None is equal to none.
     """
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[Any, ...], list[tuple[int, str, Any]]] = {}
-        self._count = 0
-
-    def __repr__(self) -> str:
-        return f"MotionsByProbes({self._count} motions)"
-
-    def add(self, name: str, side: str, samples: int, probes: Any) -> str:
-        """Add a motion; returns the name of the first one equal to it, or "" if there is none.
-
-        A motion that equals an earlier one is not added.
-        """
-        angles = np.asarray(probes, dtype=float)
-        # Unequal weights: the mean of a movement forth and back is that of any other.
-        mean = np.average(angles, weights=np.linspace(1.0, 2.0, angles.size))
-        place = float(np.floor(mean / (2.0 * _SAME)))
-        equal = [
-            (number, other)
-            for near in (place - 1.0, place, place + 1.0)
-            for number, other, known in self._known.get((side, samples, angles.size, near), ())
-            if np.all(np.abs(angles - known) <= _SAME)
-        ]
-        if equal:
-            return min(equal)[1]
-        own = self._known.setdefault((side, samples, angles.size, place), [])
-        own.append((self._count, name, angles))
-        self._count += 1
-        return ""
+    groups = defaultdict(list)
+    for number, motion in enumerate(motions):
+        if motion is not None:
+            side, samples, probes = motion
+            groups[side, samples, len(probes)].append((number, probes))
+    first: dict[int, int] = {}
+    for own in groups.values():
+        numbers, probes_of_all = zip(*own, strict=True)
+        for i, j in sorted(KDTree(probes_of_all).query_pairs(_SAME, p=np.inf)):
+            if numbers[i] not in first:
+                first.setdefault(numbers[j], numbers[i])
+    return first
 
 
 def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
@@ -263,71 +228,56 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
         rows: rows of the table of recordings.
         others: number of results in the folder that are not of these recordings.
     """
-    by_name = {str(row["recording"]): row for row in rows}
-    recordings = list(by_name.values())
-    files = [row for row in recordings if row.get("subject_from") == "file name"]
+    recordings = list({row["recording"]: row for row in rows}.values())
+    of_all = f"of {len(recordings)} recordings"
+    files = sum(row.get("subject_from") == "file name" for row in recordings)
     if len(recordings) > 1 and files:
         yield (
-            f"Subjects of {_of(files, recordings)} are named after their files, as nothing else "
-            "names them: recordings of one person would count as several subjects. State the "
-            "subjects with a table (--subjects) or by the paths (--subject-from)."
+            f"Subjects of {files} {of_all} are named after their files, as nothing else names "
+            "them: recordings of one person would count as several subjects. State the subjects "
+            "with a table (--subjects) or by the paths (--subject-from)."
         )
-    for name, usual in (("height", "m"), ("mass", "kg")):
+    for name, unit in (("height", "m"), ("mass", "kg")):
         assumed = [row for row in recordings if row.get(f"{name}_from") == "assumed"]
         if assumed:
-            value = assumed[0][f"{name}_{usual}"]
-            yield f"Assumed, not in the recording: a body {name} of {value} {usual} in " + (
-                f"{_of(assumed, recordings)}."
+            value = f"{assumed[0][f'{name}_{unit}']} {unit}"
+            yield (
+                f"Assumed, not in the recording: a body {name} of {value} in {len(assumed)} "
+                f"{of_all}."
             )
     if others:
-        yield (
-            f"{others} other result{'s' * (others != 1)} in the folder {_are(others)} not of these "
-            "recordings and in none of the tables."
-        )
+        many = "s in the folder are" if others > 1 else " in the folder is"
+        yield f"{others} other result{many} not of these recordings and in none of the tables."
 
 
-def _of(some: Sequence[Row], all_of_them: Sequence[Row]) -> str:
-    return f"{len(some)} of {len(all_of_them)} recordings"
-
-
-def _are(count: int) -> str:
-    return "is" if count == 1 else "are"
-
-
-class CollectedResults:
-    """Rows of the tables, from results that are read one after the other."""
-
-    def __init__(self) -> None:
-        self.recordings: list[Row] = []
-        self.synergies: list[Row] = []
-        self._motions = MotionsByProbes()
-
-    def add(self, record: dict[str, Any]) -> str:
-        """Add a result; returns the name of an earlier recording with the same motion, or ""."""
-        identity = record["identity"]
-        same = self._motions.add(identity["recording"], identity["side"], *record["probes"])
-        if same:
-            return same
-        self.recordings += [identity | row for row in record["recordings"]]
-        self.synergies += [identity | row for row in record["synergies"]]
-        return ""
+Rows = dict[str, list[Row]]  # by the name of the table
 
 
 def collect(
     folder: Path, outcomes: Sequence[RecordingOutcome]
-) -> tuple[CollectedResults, list[RecordingOutcome]]:
+) -> tuple[Rows, list[RecordingOutcome]]:
     """Return rows of all results, and outcomes in which one of several equal motions is kept."""
-    collected, kept, paths = CollectedResults(), [], results_by_key(folder)
-    for outcome in outcomes:
-        record = read_result(paths[outcome.key]) if outcome.key in paths else None
+    paths = results_by_key(folder)
+    records = [read_result(paths[each.key]) if each.key in paths else None for each in outcomes]
+    pairs = zip(outcomes, records, strict=True)
+    same = equal_motions([None if r is None else (o.source.side, *r["probes"]) for o, r in pairs])
+    rows: Rows = {"recordings": [], "synergies": [], "failures": []}
+    kept = []
+    for number, (outcome, record) in enumerate(zip(outcomes, records, strict=True)):
         if outcome.success and record is None:
             text = "its result has disappeared from the folder"
             outcome = RecordingOutcome(outcome.source, "error", text)
-        elif record is not None and (same := collected.add(record)):
-            text = f"holds the same motion as {same}"
+        elif number in same:
+            text = f"holds the same motion as {outcomes[same[number]].source.name}"
             outcome = RecordingOutcome(outcome.source, "same", text)
+        elif record is not None:
+            names = identity(outcome.source, record["own_subject"])
+            for table in ("recordings", "synergies"):
+                rows[table] += [names | row for row in record[table]]
+        if not outcome.success:
+            rows["failures"].append(_failure_row(outcome))
         kept.append(outcome)
-    return collected, kept
+    return rows, kept
 
 
 def other_results(folder: Path, outcomes: Iterable[RecordingOutcome]) -> int:
@@ -337,20 +287,15 @@ def other_results(folder: Path, outcomes: Iterable[RecordingOutcome]) -> int:
 
 def write_tables(
     folder: Path,
-    collected: CollectedResults,
+    rows: Rows,
     outcomes: Sequence[RecordingOutcome],
     settings: AnalysisSettings,
-    others: int = 0,
+    notes: Sequence[str],
 ) -> tuple[Path, ...]:
     """Write recordings, synergies and failures as tables, and summary.md; returns the paths."""
-    failures = [outcome for outcome in outcomes if not outcome.success]
-    files = [
-        *write_table(folder, "recordings", collected.recordings),
-        *write_table(folder, "synergies", collected.synergies),
-        *write_table(folder, "failures", [_failure_row(outcome) for outcome in failures]),
-        write_file(folder / "summary.md", _summary(collected, outcomes, settings, others)),
-    ]
-    return tuple(files)
+    files = [file for name, own in rows.items() for file in write_table(folder, name, own)]
+    summary = _summary(rows, outcomes, settings, notes)
+    return (*files, write_file(folder / "summary.md", summary))
 
 
 def mean_errors(rows: DataFrame) -> DataFrame:
@@ -367,12 +312,12 @@ def mean_errors(rows: DataFrame) -> DataFrame:
 
 
 def _summary(
-    collected: CollectedResults,
+    rows: Rows,
     outcomes: Sequence[RecordingOutcome],
     settings: AnalysisSettings,
-    others: int,
+    notes: Sequence[str],
 ) -> str:
-    subjects = {row["subject"] for row in collected.recordings}
+    subjects = {row["subject"] for row in rows["recordings"]}
     failures = [outcome for outcome in outcomes if not outcome.success]
     warned = [outcome for outcome in outcomes if outcome.success and outcome.warnings]
     count = len(outcomes) - len(failures)
@@ -381,30 +326,27 @@ def _summary(
     lines = [
         "# Analysis of many recordings",
         "",
-        f"{count} recordings of {len(subjects)} subjects, {len(collected.synergies)} geodesic "
+        f"{count} recordings of {len(subjects)} subjects, {len(rows['synergies'])} geodesic "
         f"synergies; {len(failures)} recordings are left out{waiting}.",
         "",
         f"Settings: `{settings!r}` (those not named are the defaults).",
     ]
-    for note in notes_of(collected.recordings, others):
+    for note in notes:
         lines += ["", note]
     if not has_parquet():
         lines += ["", f"The tables are CSV alone. {PARQUET_HINT}."]
-    if collected.recordings:
-        lines += ["", "## Mean errors over the recordings", ""]
-        rows = new_rows(collected.recordings, "recordings")
-        lines.append(markdown(mean_errors(rows)).rstrip())
-    if failures:
-        lines += ["", "## Left out", "", "| recording | kind | reason |", "| --- | --- | --- |"]
-        lines += [f"| {_cell(o.source.name)} | {o.kind} | {_cell(o.text)} |" for o in failures]
-    if warned:
-        lines += ["", "## Warnings", "", "| recording | warning |", "| --- | --- |"]
-        lines += [f"| {_cell(o.source.name)} | {_cell('; '.join(o.warnings))} |" for o in warned]
+    if rows["recordings"]:
+        means = mean_errors(new_rows(rows["recordings"], "recordings"))
+        lines += ["", "## Mean errors over the recordings", "", markdown(means).rstrip()]
+    for title, header, entries in (
+        ("Left out", "kind reason", [(o.source.name, o.kind, o.text) for o in failures]),
+        ("Warnings", "warning", [(o.source.name, "; ".join(o.warnings)) for o in warned]),
+    ):
+        if entries:
+            cells = [[" ".join(text.split()).replace("|", "\\|") for text in e] for e in entries]
+            table = markdown(new_table(("recording", *header.split()), cells))
+            lines += ["", f"## {title}", "", table.rstrip()]
     return "\n".join(lines) + "\n"
-
-
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
 
 
 def _failure_row(outcome: RecordingOutcome) -> Row:

@@ -13,13 +13,12 @@ from typing import Literal
 import numpy as np
 
 from geodesic_ocp.arrays import as_positive
-from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.recordings.read_recording import stature_of
 from geodesic_ocp.recordings.read_recordings import recording_files
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.study_tables import Row, named_file, path_ends, read_text_table
+from geodesic_ocp.studies.study_tables import Row, entry_of_file, read_file_table
 
 _FIELD = re.compile(r"\{(\w*)\}|(\*)")
 
@@ -60,13 +59,9 @@ class SubjectPattern:
                 f"'{{subject}}_{{trial}}'; got {touching[0]!r} in {pattern!r}"
             )
         self.pattern = pattern
-        pattern = pattern.removeprefix("./")
-        parts, end = [], 0
-        for match in _FIELD.finditer(pattern):
-            parts.append(re.escape(pattern[end : match.start()]))
-            parts.append("[^/]+?" if match[2] else f"(?P<{match[1]}>[^/]+?)")
-            end = match.end()
-        self._expression = re.compile("(?:.*/)?" + "".join([*parts, re.escape(pattern[end:])]))
+        escaped = re.escape(pattern.removeprefix("./")).replace(r"\*", "[^/]+?")
+        named = re.sub(r"\\\{(\w+)\\\}", r"(?P<\1>[^/]+?)", escaped)
+        self._expression = re.compile(f"(?:.*/)?{named}")
 
     def find(self, path: str) -> tuple[SubjectEntry, str]:
         """Return what the pattern finds in a path, or why it does not match."""
@@ -76,65 +71,25 @@ class SubjectPattern:
         return SubjectEntry(found["subject"], found.groupdict().get("trial") or ""), ""
 
 
-@dataclass(frozen=True, repr=False)
-class SubjectTable:
-    """Entries by the path of the file, as far as the table gives it, with or without its suffix.
+def read_subjects(table: str | PathLike[str]) -> dict[str, SubjectEntry]:
+    """Read a CSV file with the columns file, subject and, if known, trial, height and mass.
 
-    Attributes:
-        path: path of the table.
-        entries: entries by path.
+    Raises:
+        RecordingError: as `read_file_table`.
     """
-
-    path: Path
-    entries: Mapping[str, SubjectEntry]
-
-    def __repr__(self) -> str:
-        return f"SubjectTable({self.path}, {len(self.entries)} files)"
-
-    @classmethod
-    def read(cls, path: str | PathLike[str]) -> SubjectTable:
-        """Read a CSV file with the columns file, subject and, if known, trial, height and mass.
-
-        Raises:
-            RecordingError: the table is missing, lacks a column, has a wrong entry, or lines of one
-                file that differ.
-        """
-        file = Path(path)
-        names, lines = read_text_table(file)
-        if missing := [name for name in ("file", "subject") if name not in names]:
-            raise RecordingError(f"{file}: there is no column {' or '.join(missing)}")
-        entries: dict[str, SubjectEntry] = {}
-        places: dict[str, str] = {}
-        for where, values in lines:
-            key, entry = _entry(f"{file}: {where}", dict(zip(names, values, strict=True)))
-            if entries.setdefault(key, entry) != entry:
-                raise RecordingError(f"{file}: {places[key]} and {where} differ about {key}")
-            places.setdefault(key, where)
-        return cls(file, entries)
-
-    def find(self, file: str) -> tuple[SubjectEntry, str]:
-        """Return the entry whose path is the end of this one, or why there is none.
-
-        The longest path counts, and of two as long the one with the suffix.
-        """
-        for end in path_ends(file):
-            if (entry := self.entries.get(end)) is not None:
-                return entry, ""
-        shown = "/".join(PurePosixPath(file).parts[-2:])
-        return SubjectEntry(""), f"{self.path} has no row whose file is the end of .../{shown}"
+    return read_file_table(table, _entry, ("file", "subject"))
 
 
-def _entry(where: str, row: Mapping[str, str]) -> tuple[str, SubjectEntry]:
+def _entry(row: Mapping[str, str]) -> SubjectEntry:
     if not row["file"] or not row["subject"]:
-        raise RecordingError(f"{where}: file and subject must not be empty")
+        raise ValueError("file and subject must not be empty")
     numbers: dict[str, float | None] = {}
     for name in ("height", "mass"):
         try:
             numbers[name] = as_positive(name, float(text)) if (text := row.get(name)) else None
         except ValueError as failure:
-            raise RecordingError(f"{where}: {name}: {failure}") from None
-    entry = SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
-    return named_file(row["file"]), entry
+            raise ValueError(f"{name}: {failure}") from None
+    return SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
 
 
 #: Where the name of a subject is from: the table of subjects, a pattern of paths, the recording
@@ -202,7 +157,7 @@ def recording_sources(
     files = list(dict.fromkeys(Path(os.path.abspath(file)) for file in given))
     root = Path(os.path.commonpath([file.parent for file in files]))
     named = None if pattern is None else SubjectPattern(pattern)
-    listed = None if table is None else SubjectTable.read(table)
+    listed = None if table is None else read_subjects(table)
     sources = []
     for path in files:
         file = path.relative_to(root).as_posix()
@@ -210,7 +165,12 @@ def recording_sources(
         problem, entry = "", SubjectEntry("")
         found_in: SubjectFrom | Literal[""] = ""
         if listed is not None:
-            found_in, (entry, problem) = "table", listed.find(path.as_posix())
+            found_in = "table"
+            if found := entry_of_file(listed, path.as_posix()):
+                entry = found
+            else:
+                shown = "/".join(path.parts[-2:])
+                problem = f"{table} has no row whose file is the end of .../{shown}"
         elif named is not None:
             found_in, (entry, problem) = "path", named.find(path.as_posix())
         for side in sides:

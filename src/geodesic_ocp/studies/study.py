@@ -1,651 +1,35 @@
-"""Statistics over the subjects of many recordings: means, paired tests, tables and figures."""
+"""The tables of a study, from files or from analyses in memory, and what is checked of them."""
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, cast
 
-import numpy as np
-import scipy
-
-from geodesic_ocp.arrays import Array, as_number
-from geodesic_ocp.drawing.study_figures import (
-    Means,
-    differences_figure,
-    durations_figure,
-    errors_figure,
-    paper_style,
-    synergies_figure,
-)
-from geodesic_ocp.drawing.styles import save_figure
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
-from geodesic_ocp.records import write_together
-from geodesic_ocp.studies.paired_test import holm, paired_test, rank_biserial
+from geodesic_ocp.studies.study_result import (
+    StudyResult,
+    conditions_of,
+    in_natural_order,
+    labels_of,
+)
 from geodesic_ocp.studies.study_tables import (
     RECORDINGS,
-    analysis_tables,
+    TABLES,
+    Row,
+    entry_of_file,
     new_rows,
-    read_study_tables,
-    with_metadata,
+    read_file_table,
+    read_table,
+    recording_rows,
+    synergy_rows,
 )
 from geodesic_ocp.synergies.analyse import Analysis
-from geodesic_ocp.tables import latex, markdown
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame, Series
-
-
-class StudyMeasure(NamedTuple):
-    """A quantity of every recording and method: its column, header, axis label, and axis scale."""
-
-    column: str
-    header: str
-    axis: str
-    scale: float = 1.0
-
-    @property
-    def unit(self) -> str:
-        """The unit in brackets after a space, as in " [rad]"; empty where there is none."""
-        return "".join(re.findall(r" \[.*\]$", self.header))
-
-
-def _of_errors(suffix: str = "", remark: str = "") -> dict[str, StudyMeasure]:
-    names = {
-        "joint": ("rad", "joints", "joint error", "rad", 1.0),
-        "position": ("m", "hand", "hand position error", "mm", 1000.0),
-        "orientation": ("rad", "hand", "hand orientation error", "rad", 1.0),
-    }
-    return {
-        f"{name}{suffix}": StudyMeasure(
-            f"{name}_error{suffix}_{unit}",
-            f"{header}{remark} [{unit}]",
-            f"{axis}{remark} [{axis_unit}]",
-            scale,
-        )
-        for name, (unit, header, axis, axis_unit, scale) in names.items()
-    }
-
-
-MEASURES = {
-    **_of_errors(),
-    **_of_errors("_unfiltered", ", unfiltered"),
-    "segments": StudyMeasure("segments", "segments", "number of segments"),
-    "segments_per_second": StudyMeasure(
-        "segments", "segments per second [1/s]", "segments per second [1/s]"
-    ),
-}
-_SHOWN = ("joint", "position", "orientation")
-_OWN = "riemannian"
-_ORDER = (_OWN, "joint_inertia", "kinetic_energy", "euclidean_same_segments", "euclidean")
-_LIKE_FOR_LIKE = f"{STRAIGHT_LINES}, same segments"
-_LEVELS = (0.25, 0.5, 0.75)
-_ROUNDING = 1e-12  # of the size of numbers that are equal
-_DOTS = 300.0  # [1/inch] of .png
-_KINDS = {
-    "file": "file that cannot be used",
-    "solver": "solver that failed",
-    "process": "process that died",
-    "same": "same motion as another recording",
-    "missing": "not analysed yet",
-}
-
-
-def as_measure(name: str) -> StudyMeasure:
-    """Return the measure of this name.
-
-    Raises:
-        ValueError: there is none.
-    """
-    if not isinstance(name, str) or name not in MEASURES:
-        raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {name!r}")
-    return MEASURES[name]
-
-
-def in_natural_order(names: Iterable[str]) -> list[str]:
-    """Return names with the numbers in them in order: S2 before S10."""
-
-    def key(name: str) -> tuple[list[tuple[bool, int, str]], str]:
-        parts = re.split(r"([0-9]+)", name)
-        return [(not p.isdigit(), int(p) if p.isdigit() else 0, p) for p in parts if p], name
-
-    return sorted(set(names), key=key)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + "s" * (number != 1)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class StudyResult:
-    """Recordings of several subjects, analysed; see `study`.
-
-    All means, intervals and tests are over the means of subjects, so that each subject counts the
-    same. In tables NaN is a number that does not exist; `attrs["note"]` says what limits them.
-
-    Attributes:
-        recordings: one row for each recording and method, see `geodesic_ocp.studies.study_tables`.
-        synergies: one row for each synergy; None if there is no such table.
-        failures: one row for each recording that was left out of the analysis.
-        by: column whose values are conditions; None for a single condition.
-    """
-
-    recordings: DataFrame
-    synergies: DataFrame | None = None
-    failures: DataFrame = field(default_factory=lambda: new_rows([], "failures"))
-    by: str | None = None
-
-    def __repr__(self) -> str:
-        counts = [
-            f"{_count(self.recordings['recording'].nunique(), 'recording')} of "
-            f"{_count(len(self.subjects), 'subject')}",
-            _count(len(self.methods), "method"),
-        ]
-        if self.synergies is not None:
-            counts.append(f"{len(self.synergies)} synergies")
-        if self.by:
-            counts.append(f"{len(self.conditions)} conditions ({self.by})")
-        if len(self.failures):
-            counts.append(_count(len(self.failures), "failure"))
-        return f"StudyResult({', '.join(counts)})"
-
-    def _repr_markdown_(self) -> str:
-        return markdown(self.means())
-
-    @cached_property
-    def _rows(self) -> DataFrame:
-        """The recordings in natural order, each with the name of a subject and a condition."""
-        from pandas import Categorical
-
-        rows = self.recordings
-        rows = rows.assign(subject=_subjects(rows), condition=_conditions(rows, self.by))
-        rows = rows.sort_values("recording", kind="stable").reset_index(drop=True)
-        order = {name: in_natural_order(rows[name]) for name in ("condition", "subject")}
-        order["method"] = [*self.methods]
-        categories = {
-            name: Categorical(rows[name], own, ordered=True) for name, own in order.items()
-        }
-        return rows.assign(**categories)
-
-    @property
-    def subjects(self) -> tuple[str, ...]:
-        """Names of all persons."""
-        return tuple(in_natural_order(_subjects(self.recordings)))
-
-    @property
-    def conditions(self) -> tuple[str, ...]:
-        """Values of the column `by`; a single empty one if it is None."""
-        return tuple(in_natural_order(_conditions(self.recordings, self.by)))
-
-    @cached_property
-    def methods(self) -> dict[str, str]:
-        """Label of each method by its key; the key itself if the label depends on the condition."""
-        found = _labels(self.recordings).groupby(self.recordings["method"]).unique()
-        order = sorted(found.index, key=lambda key: (*(key != known for known in _ORDER), key))
-        labels = {key: found[key][0] if len(found[key]) == 1 else key for key in order}
-        count = Counter(labels.values())
-        return {key: f"{name} ({key})" if count[name] > 1 else name for key, name in labels.items()}
-
-    def _values(self, measure: str) -> DataFrame:
-        """Return the rows that have a measure, in the column `value`.
-
-        Raises:
-            ValueError: an unknown measure, or one that the table does not have.
-        """
-        known = self._any_values(measure)
-        if known.empty:
-            raise ValueError(f"measure {measure!r}: the table has no {MEASURES[measure].column}")
-        return known
-
-    def _any_values(self, measure: str) -> DataFrame:
-        chosen, rows = as_measure(measure), self._rows
-        value = rows[chosen.column].astype(float)
-        if measure == "segments_per_second":
-            value = value / rows["duration_s"].where(rows["duration_s"] > 0.0)
-        return rows.assign(value=value)[np.isfinite(value)]
-
-    def _known(self, measures: Iterable[str]) -> list[str]:
-        """Return the measures that any recording has."""
-        return [each for each in measures if len(self._any_values(each))]
-
-    def means(self, *measures: str, confidence: float = 0.95, complete: bool = False) -> DataFrame:
-        """Return mean over subjects of the subjects' means, of every method under every condition.
-
-        Args:
-            measures: "joint", "position", "orientation", these with "_unfiltered" (errors against
-                the unfiltered recording), "segments" or "segments_per_second"; by default errors of
-                joints and hand.
-            confidence: confidence of the intervals by Student's t.
-            complete: only recordings in which no method lacks the measure, so that methods are
-                compared on the same recordings.
-
-        Raises:
-            ValueError: an unknown measure, or one that the tables do not have; with complete, no
-                recording has all methods.
-        """
-        from pandas import concat
-
-        if not 0.0 < as_number("confidence", confidence) < 1.0:
-            raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
-        names = measures or self._known(_SHOWN) or _SHOWN[:1]
-        parts = {as_measure(each).header: self._means(each, confidence, complete) for each in names}
-        found = concat(parts, names=["measure"])
-        counts = found[["subjects", "recordings"]].drop_duplicates()
-        unequal = ["Methods are not all averaged over the same recordings."]
-        sentences = [
-            "Means over subjects of the subjects' means. SD: standard deviation over subjects. "
-            "Intervals: of the mean, by Student's t.",
-            *(unequal if len(counts) > 1 else []),
-            *self.notes,
-        ]
-        found.attrs["note"] = " ".join(sentences)
-        return found
-
-    def _means(self, measure: str, confidence: float, complete: bool) -> DataFrame:
-        rows, keys = self._values(measure), ["condition", "method"]
-        if complete:
-            count = rows.groupby("recording")["method"].transform("nunique")
-            rows = rows[count == rows["method"].nunique()]
-            if rows.empty:
-                raise ValueError(f"complete: no recording has {measure!r} of all methods")
-        subjects = _subject_means(rows, keys).groupby(keys, observed=True)
-        found = subjects.agg(subjects="size", mean="mean", SD="std")
-        recordings = rows.groupby(keys, observed=True)["recording"].nunique()
-        total = self._rows.groupby("condition", observed=True)["recording"].nunique()
-        found.insert(1, "recordings", recordings)
-        total = found.index.get_level_values("condition").map(total).astype(int)
-        found.insert(2, "missing", total - recordings)
-        count = found["subjects"]
-        quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, count.where(count > 1) - 1)
-        half = quantile * found["SD"] / np.sqrt(count)
-        ends = {"low": found["mean"] - half, "high": found["mean"] + half}
-        found = found.assign(**{f"{confidence:.0%} {end}": own for end, own in ends.items()})
-        return self._labelled(found)
-
-    def _labelled(self, table: DataFrame) -> DataFrame:
-        """Get the table with labels of methods, and without the condition if there is only one."""
-        return self._by_condition(_plain(table).rename(index=self.methods, level="method"))
-
-    def _by_condition(self, table: DataFrame) -> DataFrame:
-        """Return the table without the level of the condition if there is only one."""
-        named = table.rename_axis(index={"condition": self.by or "condition"})
-        return named if self.by else named.droplevel("condition")
-
-    def by_subject(self, measure: str = "joint") -> DataFrame:
-        """Return mean over the recordings of each subject (row), of every method (column).
-
-        Raises:
-            ValueError: an unknown measure, or one that the tables do not have.
-        """
-        rows, keys = self._values(measure), ["condition", "subject"]
-        found = _subject_means(rows, ["condition", "method"]).unstack("method")
-        found.columns = [self.methods[key] for key in found.columns]
-        recordings = self._rows.groupby(keys, observed=True)["recording"].nunique()
-        found = found.reindex(recordings.index)
-        found.insert(0, "recordings", recordings)
-        found = self._by_condition(_plain(found))
-        header = MEASURES[measure].header
-        note = " ".join([f"Means of the subject's recordings: {header}.", *self._caveats])
-        found.attrs["note"] = note
-        return found
-
-    def tests(
-        self,
-        measure: str = "joint",
-        against: str | None = None,
-        *,
-        confidence: float = 0.95,
-        seed: int = 0,
-    ) -> DataFrame:
-        """Return paired tests over subjects of all methods against one, or of conditions against
-        one.
-
-        A pair is a subject's means over the recordings that both methods have, or under both
-        conditions. Means that differ by less than 1e-12 of their size are equal. P-values of
-        Wilcoxon's test are corrected by Holm's method for the number of tests in the table. The
-        effect is the matched-pairs rank-biserial correlation, see `rank_biserial`.
-
-        Args:
-            measure: see `means`.
-            against: a method, by key or label, or a condition; by default straight lines on the
-                same segments.
-            confidence, seed: confidence and seed of the bootstrap interval of the mean difference,
-                see `paired_test`.
-
-        Raises:
-            ValueError: an unknown measure, method or condition.
-        """
-        return self._tested(measure, against, confidence, seed)[0]
-
-    def _tested(
-        self, measure: str, against: str | None, confidence: float = 0.95, seed: int = 0
-    ) -> tuple[DataFrame, list[Array]]:
-        """Return the table of `tests`, and the differences of the subjects for each row."""
-        from pandas import DataFrame, MultiIndex
-
-        is_method, key = self._reference(against)
-        label = self.methods.get(key, key)
-        columns = (
-            *("against", "subjects", "left out", "smaller in", "larger in"),
-            "mean difference" + MEASURES[measure].unit,
-            *(f"{confidence:.0%} {end}" for end in ("low", "high")),
-            *("effect", "sign test p", "Wilcoxon p"),
-        )
-        rows, tests, differences, missing = [], [], [], set()
-        compared = list(self._pairs(measure, is_method, key))
-        for _, pairs, left_out in compared:
-            a, b = pairs.T
-            b = np.where(np.isclose(a, b, rtol=_ROUNDING, atol=0.0), a, b)
-            test = paired_test(a, b, confidence=confidence, seed=seed)
-            counts = test.pairs, len(left_out), test.wins, test.losses
-            effect = rank_biserial(a - b), test.sign_p, test.wilcoxon_p
-            rows.append((label, *counts, test.mean_difference, *test.interval, *effect))
-            tests.append(test)
-            differences.append(pairs[:, 0] - pairs[:, 1])
-            missing |= set(left_out)
-        places = DataFrame([place for place, *_ in compared], columns=["condition", "method"])
-        found = DataFrame(rows, MultiIndex.from_frame(places), columns)
-        found["p, Holm"] = holm([test.wilcoxon_p for test in tests])
-        found = self._labelled(found)
-        note = [
-            "Pairs are subjects. Intervals: of the mean difference, by bootstrap. Effect: "
-            "matched-pairs rank-biserial correlation, positive where numbers are smaller than the "
-            "reference's. P-values: two-sided; the last column is Wilcoxon's, corrected for "
-            f"{_count(len(tests), 'test')} by Holm's method."
-        ]
-        if not tests:
-            note = [f"No subject can be compared with {label}."]
-        elif max(test.pairs for test in tests) == 1:
-            note.append("One subject only: there is nothing to test.")
-        else:
-            note += dict.fromkeys(
-                f"{each.note[:1].upper()}{each.note[1:]}." for each in tests if each.note
-            )
-        if missing and tests:
-            note.append(f"Left out, without a pair: {', '.join(in_natural_order(missing))}.")
-        found.attrs["note"] = " ".join([*note, *self._caveats])
-        return found, differences
-
-    def _pairs(
-        self, measure: str, is_method: bool, key: str
-    ) -> Iterator[tuple[tuple[str, str], Array, list[str]]]:
-        """Yield condition and method, pairs of subjects' means (k, 2), and who is left out."""
-        rows, everybody = self._values(measure), self._rows
-        for condition in self.conditions:
-            inside = everybody["condition"] == condition
-            if not is_method:
-                inside |= everybody["condition"] == key
-            names = set(everybody.loc[inside, "subject"])
-            for method in self.methods:
-                here = (rows["condition"] == condition) & (rows["method"] == method)
-                there = (rows["condition"] == (condition if is_method else key)) & (
-                    rows["method"] == (key if is_method else method)
-                )
-                if (method == key) if is_method else (condition == key):
-                    continue
-                first, second = rows[here], rows[there]
-                if is_method:
-                    common = set(first["recording"]) & set(second["recording"])
-                    first, second = (r[r["recording"].isin(common)] for r in (first, second))
-                means = [
-                    each.groupby("subject", observed=True)["value"].mean()
-                    for each in (first, second)
-                ]
-                pairs = means[0].to_frame("a").join(means[1].rename("b"), how="inner").sort_index()
-                if len(pairs):
-                    yield (condition, method), pairs.to_numpy(), [*(names - set(pairs.index))]
-
-    def _reference(self, against: str | None) -> tuple[bool, str]:
-        """Return whether the reference is a method, not a condition, and its key."""
-        wanted = _LIKE_FOR_LIKE if against is None else against
-        for key, label in self.methods.items():
-            if wanted in (key, label, label.removesuffix(f" ({key})")):
-                return True, key
-        conditions = self.conditions if self.by else ()
-        if wanted in conditions:
-            return False, wanted
-        known = ", ".join(map(repr, (*self.methods, *conditions)))
-        raise ValueError(f"against must be one of {known}, got {against!r}")
-
-    def synergy_statistics(self) -> DataFrame:
-        """Return numbers, durations and lengths of the synergies of each subject, by condition.
-
-        Segments at rest count as synergies. Quartiles are over all synergies of a subject; the last
-        row of several subjects has the means over them.
-
-        Raises:
-            ValueError: there is no table of synergies.
-        """
-        from pandas import concat
-
-        if self.synergies is None:
-            raise ValueError("the study has no table of synergies (synergies.csv)")
-        keys = ["condition", "subject"]
-        each = self._rows.drop_duplicates("recording").groupby(keys, observed=True)
-        synergies = self._synergies
-        found = each.agg(recordings=("recording", "size"), seconds=("duration_s", "sum"))
-        counts = synergies.groupby(keys, observed=True).size()
-        found["synergies"] = counts.reindex(found.index, fill_value=0)
-        found["per recording"] = found["synergies"] / found["recordings"]
-        seconds = found.pop("seconds")
-        found["per second [1/s]"] = found["synergies"] / seconds.where(seconds > 0.0)
-        for name, column, unit in (
-            ("duration", "duration_s", "s"),
-            ("length", "length", self._length_unit),
-        ):
-            levels = (
-                synergies.groupby(keys, observed=True)[column].quantile(list(_LEVELS)).unstack()
-            )
-            for level in _LEVELS:
-                header = f"{name}, {level:.0%}" + f" [{unit}]" * bool(unit)
-                found[header] = levels[level].reindex(found.index) if len(levels) else np.nan
-        parts = []
-        for condition, own in found.groupby("condition", observed=True):
-            means = own.mean().to_frame((condition, "mean over subjects")).T
-            parts += [own, means] if len(own) > 1 else [own]
-        found = concat([part.astype(object) for part in parts]).rename_axis(
-            [self.by or "condition", "subject"]
-        )
-        found = found if self.by else found.droplevel(0)
-        found.attrs["note"] = " ".join(["Segments at rest count as synergies.", *self._caveats])
-        return found
-
-    @cached_property
-    def _synergies(self) -> DataFrame:
-        """Rows of the synergies, each with the condition of its recording."""
-        assert self.synergies is not None
-        condition = self._rows.drop_duplicates("recording").set_index("recording")["condition"]
-        rows = self.synergies.assign(subject=_subjects(self.synergies))
-        return rows.assign(condition=rows["recording"].map(condition.astype(str)))
-
-    @property
-    def _length_unit(self) -> str:
-        """Unit of the synergies' lengths; empty if it is not known."""
-        label = self.methods.get(_OWN, "")
-        if STRAIGHT_LINES in label:
-            return "rad"
-        return "sqrt(kg) m" if KINETIC_ENERGY in label else ""
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The limits of the study, in sentences: failures, one subject only, missing methods."""
-        rows, notes = self._rows, []
-        if len(self.failures):
-            kinds = Counter(_KINDS.get(kind, "other error") for kind in self.failures["kind"])
-            why = "; ".join(f"{kind}: {number}" for kind, number in sorted(kinds.items()))
-            left_out = _count(len(self.failures), "recording")
-            notes.append(f"{left_out} left out of the analysis ({why}).")
-        total = rows["recording"].nunique()
-        known = (
-            rows[rows["joint_error_rad"].notna()]
-            .groupby("method", observed=False)["recording"]
-            .nunique()
-        )
-        for method, label in self.methods.items():
-            if missing := total - known[method]:
-                notes.append(f"{label}: no result in {missing} of {_count(total, 'recording')}.")
-        notes += self._caveats
-        for name in self.subjects:
-            ends = rf"[^0-9A-Za-z]{re.escape(name)}$"
-            if longer := [each for each in self.subjects if re.search(ends, each)]:
-                notes.append(f"Subjects {name} and {', '.join(longer)} may be the same person.")
-        if len(self.subjects) == 1:
-            notes.append("One subject only: there is no spread over subjects, and nothing to test.")
-        settings = set(rows["settings"]) - {""}
-        if len(settings) > 1:
-            notes.append(f"The recordings were analysed with {len(settings)} different settings.")
-        if self.synergies is None:
-            notes.append("There is no table of synergies.")
-        return tuple(notes)
-
-    @property
-    def _caveats(self) -> list[str]:
-        """A sentence, if files stand for persons in some of several recordings."""
-        rows = self.recordings.drop_duplicates("recording")
-        nameless = rows["subject"] == ""
-        by_file = ~nameless & (rows["subject_from"] == "file name")
-        if by_file.any() and len(rows) > 1:
-            return [
-                f"Subjects of {(nameless | by_file).sum()} of {_count(len(rows), 'recording')} are "
-                "named after files: several recordings of one person may be counted as several "
-                "subjects. State the subjects with a table or by the paths, see `analyse`."
-            ]
-        if nameless.any():
-            number = _count(int(nameless.sum()), "recording")
-            return [
-                f"{number} without the name of a subject: each file counts as a subject of its own."
-            ]
-        return []
-
-    def plot(self) -> Figure:
-        """Return errors of joints and hand by method, with subjects as points."""
-        with paper_style():
-            return errors_figure([self._drawn(each) for each in self._known(_SHOWN)])
-
-    def _drawn(self, measure: str) -> Means:
-        table = self._means(measure, 0.95, complete=False)
-        keys = ["condition", "method"]
-        means = _subject_means(self._values(measure), keys).groupby(keys, observed=True)
-        points = [own.to_numpy() for _, own in means]
-        return Means(MEASURES[measure].axis, MEASURES[measure].scale, table, points)
-
-    def figures(self, measure: str = "joint", against: str | None = None) -> dict[str, Figure]:
-        """Return the figures of a paper, by name.
-
-        "errors": means of joints and hand by method with subjects as points; "differences": paired
-        differences from `against`; "synergies": distributions of durations and lengths, and
-        "durations": errors against duration, where there is a table of synergies.
-
-        Args:
-            measure, against: measure and against of the differences, see `tests`.
-        """
-        tests, differences = self._tested(measure, against)
-        figures = {"errors": self.plot()}
-        with paper_style():
-            if len(tests):
-                chosen, label = MEASURES[measure], tests["against"].iloc[0]
-                figures["differences"] = differences_figure(
-                    tests, differences, label, chosen.axis, chosen.scale
-                )
-            if self.synergies is not None and len(self.synergies):
-                rows, unit = self._synergies, self._length_unit
-                groups = {
-                    name: [own for _, own in under.groupby("subject")]
-                    for name, under in rows.groupby("condition")
-                }
-                figures["synergies"] = synergies_figure(groups, unit)
-                axes = [
-                    (each.axis, each.scale * rows[each.column])
-                    for each in map(as_measure, _SHOWN[:2])
-                ]
-                figures["durations"] = durations_figure(rows["duration_s"], axes)
-        return figures
-
-    def save(
-        self, folder: str | Path, *, measure: str = "joint", against: str | None = None
-    ) -> list[Path]:
-        """Write tables (.csv, .md and .tex), figures (.pdf and .png) and study.md to a folder.
-
-        All are written to a temporary folder first and moved together; their paths are returned.
-
-        Args:
-            folder: is created if it does not exist.
-            measure, against: measure and against of the tests and the figure of differences, see
-                `tests`.
-
-        Raises:
-            ValueError: as `tests`.
-            OSError: the folder cannot be created or written to.
-        """
-        known = self._known(MEASURES)
-        tables = {
-            "means": ("Means over subjects", self.means(*known)),
-            "tests": (f"Paired tests: {MEASURES[measure].header}", self.tests(measure, against)),
-        }
-        if self.synergies is not None and len(self.synergies):
-            tables["synergy_statistics"] = "Synergies by subject", self.synergy_statistics()
-        for name in known:
-            tables[f"by_subject_{name}"] = (
-                f"By subject: {MEASURES[name].header}",
-                self.by_subject(name),
-            )
-        figures = self.figures(measure, against)
-
-        def write(into: Path) -> None:
-            notes = "".join(f"- {note}\n" for note in self.notes)
-            parts = [f"# Study\n\n{self!r}\n\n{notes}"]
-            for name, (caption, table) in tables.items():
-                table.to_csv(into / f"{name}.csv")
-                if not name.startswith("by_subject"):
-                    text = latex(table, caption, f"tab:{name}")
-                    (into / f"{name}.tex").write_text(text, encoding="utf-8")
-                    (into / f"{name}.md").write_text(markdown(table), encoding="utf-8")
-                    parts.append(f"## {caption}\n\n{markdown(table)}")
-            (into / "study.md").write_text("\n".join(parts), encoding="utf-8")
-            with paper_style():
-                for name, figure in figures.items():
-                    save_figure(figure, into, name, _DOTS)
-
-        return write_together(folder, write)
-
-
-def _plain(table: DataFrame) -> DataFrame:
-    """Return the table with an index of names, in their order, without categories."""
-    from pandas import MultiIndex
-
-    levels = [table.index.get_level_values(name).astype(object) for name in table.index.names]
-    return table.set_axis(MultiIndex.from_arrays(levels, names=table.index.names))
-
-
-def _subjects(rows: DataFrame) -> Series:
-    """Return the person; where the recording names none, its file, or else the recording itself."""
-    named = rows["subject"].where(rows["subject"] != "", rows["file"])
-    return named.where(named != "", rows["recording"])
-
-
-def _conditions(rows: DataFrame, by: str | None) -> Series:
-    """Return the condition of each row; empty without conditions."""
-    if by is None:
-        return rows["recording"].map(lambda _: "")
-    return rows[by].where(rows[by] != "", "not given")
-
-
-def _labels(rows: DataFrame) -> Series:
-    """Return the label of each row's method."""
-    return rows["method_label"].where(rows["method_label"] != "", rows["method"])
-
-
-def _subject_means(rows: DataFrame, keys: list[str]) -> Series:
-    """Return mean over the recordings of each subject that has any."""
-    return rows.groupby([*keys, "subject"], observed=True)["value"].mean()
-
+    from pandas import DataFrame
 
 _MOST_CONDITIONS = 20
 _NOT_CONDITIONS = {
@@ -723,13 +107,13 @@ def _check_conditions(rows: DataFrame, by: str | None) -> None:
         return
     if by not in (columns := [name for name in rows.columns if name not in _NOT_CONDITIONS]):
         raise ValueError(f"by must be a column, one of {', '.join(columns)}, got {by!r}")
-    conditions = in_natural_order(_conditions(rows, by))
+    conditions = in_natural_order(conditions_of(rows, by))
     if len(conditions) > _MOST_CONDITIONS:
         raise ValueError(
             f"by: {by!r} has {len(conditions)} values, more than {_MOST_CONDITIONS}, such as "
             f"{', '.join(map(repr, conditions[:3]))}; is it a column of conditions?"
         )
-    for recording, own in _conditions(rows, by).groupby(rows["recording"]).unique().items():
+    for recording, own in conditions_of(rows, by).groupby(rows["recording"]).unique().items():
         if len(own) > 1:
             raise ValueError(
                 f"by: recording {recording} has several values of {by!r}, {own[0]!r} and {own[1]!r}"
@@ -738,7 +122,7 @@ def _check_conditions(rows: DataFrame, by: str | None) -> None:
 
 def _check_labels(rows: DataFrame, by: str | None) -> None:
     """A method means the same in all recordings under one condition."""
-    labels = rows.assign(condition=_conditions(rows, by), method_label=_labels(rows))
+    labels = rows.assign(condition=conditions_of(rows, by), method_label=labels_of(rows))
     for (method, _), own in labels.groupby(["method", "condition"], sort=False):
         first, other = own.iloc[0], own[own["method_label"] != own.iloc[0]["method_label"]]
         if len(other):
@@ -747,3 +131,137 @@ def _check_labels(rows: DataFrame, by: str | None) -> None:
                 f"but {other.iloc[0]['method_label']!r} in {other.iloc[0]['recording']}: "
                 "recordings that were cut by metrics that differ cannot be averaged"
             )
+
+
+def with_metadata(recordings: DataFrame, table: str | PathLike[str]) -> DataFrame:
+    """Return the recordings with all columns of a table that has a column file.
+
+    It holds the end of each file's path, with or without its suffix, as the table of subjects of
+    `analyse_recordings` does. Columns that the recordings have already stay as they are.
+
+    Raises:
+        RecordingError: as `read_file_table`, or the table does not name one of the recordings.
+    """
+    entries = read_file_table(table, dict)
+    found = []
+    for file in recordings["file"]:
+        entry = entry_of_file(entries, file)
+        if entry is None:
+            raise RecordingError(f"{table}: does not name the recording's file {file!r}")
+        found.append(entry)
+    own = {name for name in recordings.columns if (recordings[name] != "").any()}
+    names = [name for name in found[0] if name not in own]
+    return recordings.assign(**{name: [each[name] for each in found] for name in names})
+
+
+def read_study_tables(
+    source: str | PathLike[str] | Iterable[str | PathLike[str]],
+) -> dict[str, DataFrame]:
+    """Read the tables of an output folder, or from the files whose paths are given, by name.
+
+    In a folder recordings, synergies and failures are read from .csv files, or from .parquet
+    files where only these are there. Given files are told apart by the beginning of their names.
+
+    Raises:
+        RecordingError: there is no table of recordings, a table cannot be read, or tables disagree
+            about the synergies of a recording, as when one was cut off.
+    """
+    if isinstance(source, str | PathLike):
+        path = Path(source)
+        files = _by_name([path]) if path.is_file() else _in_folder(path)
+    else:
+        files = _by_name([Path(each) for each in source])
+    tables = {name: read_table(file, name) for name, file in files.items()}
+    if tables["recordings"].empty:
+        raise RecordingError(f"{files['recordings']}: has no recordings")
+    if "synergies" in tables:
+        _check_synergies(tables["recordings"], tables["synergies"], files["synergies"])
+    return tables
+
+
+def _in_folder(folder: Path) -> dict[str, Path]:
+    if not folder.is_dir():
+        raise RecordingError(f"{folder}: there is no such folder or table")
+    found = {
+        table: file
+        for table in TABLES
+        for suffix in (".parquet", ".csv")  # the latter where both are there
+        if (file := folder / f"{table}{suffix}").is_file()
+    }
+    if "recordings" not in found:
+        raise RecordingError(
+            f"{folder}: has no recordings.csv or recordings.parquet; it must be the folder of a "
+            "finished `geodesic-ocp analyse DIR --out FOLDER`"
+        )
+    return found
+
+
+def _by_name(files: Sequence[Path]) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for file in files:
+        table = next((t for t in TABLES if file.name.startswith(t)), None)
+        if table is None and len(files) == 1:
+            table = "recordings"
+        if table is None or table in found:
+            raise ValueError(
+                f"source: the name of {file.name} must begin with one of {', '.join(TABLES)}, "
+                "each once"
+            )
+        found[table] = file
+    if "recordings" not in found:
+        raise ValueError("source must have the table of recordings, got none")
+    return found
+
+
+def _check_synergies(recordings: DataFrame, synergies: DataFrame, file: Path) -> None:
+    """RecordingError if a recording has another number of synergies than segments."""
+    counts = Counter(synergies["recording"])
+    if unknown := sorted(set(counts) - set(recordings["recording"])):
+        raise RecordingError(f"{file}: {unknown[0]} is not in the table of recordings")
+    own = recordings[(recordings["method"] == "riemannian") & recordings["segments"].notna()]
+    for name, expected in zip(own["recording"], own["segments"], strict=True):
+        if expected != counts[name]:
+            raise RecordingError(
+                f"{file}: {name} has {counts[name]} synergies, but {expected} in the table of "
+                "recordings; is one of the two cut off, or of another analysis?"
+            )
+
+
+def analysis_tables(
+    analyses: Sequence[Analysis],
+    names: Sequence[str] | None,
+    subjects: Sequence[str] | None,
+    conditions: Sequence[str] | None,
+) -> dict[str, DataFrame]:
+    """Return the tables of analyses in memory, as those of a folder.
+
+    Args:
+        analyses: one of each recording.
+        names: names of the recordings; by default they are numbered.
+        subjects: the persons; by default those of the motions.
+        conditions: conditions of the recordings, column "condition".
+
+    Raises:
+        ValueError: names, subjects or conditions are not one for each analysis, or names are equal.
+    """
+    count = len(analyses)
+    names = [str(k) for k in range(1, count + 1)] if names is None else names
+    if subjects is None:
+        subjects = [each.motion.subject.name or "" for each in analyses]
+    for what, given in (("names", names), ("subjects", subjects), ("conditions", conditions)):
+        if given is not None and (isinstance(given, str) or len(given) != count):
+            raise ValueError(f"{what} must be {count}, one for each analysis, got {given!r}")
+    if len(set(names)) < count:
+        raise ValueError(f"names must differ, got {list(names)!r}")
+    recordings: list[Row] = []
+    synergies: list[Row] = []
+    for k, analysis in enumerate(analyses):
+        identity: Row = {"recording": str(names[k]), "subject": str(subjects[k])}
+        if conditions is not None:
+            identity["condition"] = str(conditions[k])
+        recordings += [identity | row for row in recording_rows(analysis)]
+        synergies += [identity | row for row in synergy_rows(analysis)]
+    return {
+        "recordings": new_rows(recordings, "recordings"),
+        "synergies": new_rows(synergies, "synergies"),
+    }

@@ -7,13 +7,12 @@ failures.csv one for each recording without a result. Units are the suffix of a 
 from __future__ import annotations
 
 import csv
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from math import isfinite
 from os import PathLike
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["text", "integer", "number"]  # of a column; integers and numbers may be missing
 Row = dict[str, str | int | float | None]
+Entry = TypeVar("Entry")  # what a table says about a file
 
 # The kind of each column, and its meaning where the name does not say it.
 IDENTITY: dict[str, Kind] = {
@@ -87,14 +87,6 @@ TABLES: dict[str, dict[str, Kind]] = {
     "failures": {**IDENTITY, "kind": "text", "reason": "text"},
 }
 
-_METHODS = {
-    "kinetic_energy": "geodesics, kinetic energy",
-    "joint_inertia": "geodesics, kinetic energy with joint inertia",
-    "euclidean_same_segments": "straight lines, same segments",
-    "euclidean": "straight lines, zero-velocity segments",
-    "ik": "inverse kinematics of the hand",
-}
-
 
 def recording_rows(analysis: Analysis) -> list[Row]:
     """Return one row for each method; errors of a method without geodesics are missing."""
@@ -108,14 +100,17 @@ def recording_rows(analysis: Analysis) -> list[Row]:
         "metric": analysis.metric_name,
         "threshold_rad": analysis.threshold,
     }
-    labels = {"riemannian": str(analysis.table().index[0]), **_METHODS}
+    labels = analysis.labels()
     return [
         same
-        | {"method": method, "method_label": label, "segments": analysis.segment_counts.get(method)}
+        | {
+            "method": method,
+            "method_label": labels.get(method, labels["riemannian"]),  # which is the same metric
+            "segments": analysis.segment_counts.get(method),
+        }
         | _errors(analysis.errors.get(method))
         | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
-        for method, label in labels.items()
-        if method in (*analysis.errors, *analysis.not_found)
+        for method in (*analysis.errors, *analysis.not_found)
     ]
 
 
@@ -167,11 +162,6 @@ def _errors(errors: MotionErrors | None, suffix: str = "") -> Row:
 
 def _finite(number: float) -> float | None:
     return number if isfinite(number) else None
-
-
-def named_file(text: str) -> str:
-    """Return a path in a table as it is compared with those that `path_ends` gives."""
-    return str(PurePosixPath(text.replace("\\", "/").removeprefix("./").lstrip("/")))
 
 
 def path_ends(file: str) -> Iterator[str]:
@@ -230,6 +220,58 @@ def read_text_table(file: Path) -> tuple[list[str], list[tuple[str, list[str]]]]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise RecordingError(f"{file}: line 1: column {', '.join(twice)} is there twice")
     return names, lines
+
+
+def read_file_table(
+    table: str | PathLike[str],
+    new_entry: Callable[[dict[str, str]], Entry],
+    needed: Sequence[str] = ("file",),
+) -> dict[str, Entry]:
+    """Return what a CSV table says about files, by the path in its column file.
+
+    Args:
+        table: path of the table.
+        new_entry: makes the entry of a file from its row.
+        needed: columns that must be there.
+
+    Raises:
+        RecordingError: the table cannot be read, lacks a column, has a wrong entry, or lines of one
+            file that differ.
+    """
+    path = Path(table)
+    names, lines = read_text_table(path)
+    if missing := [name for name in needed if name not in names]:
+        raise RecordingError(f"{path}: line 1: there is no column {' or '.join(missing)}")
+    entries: dict[str, Entry] = {}
+    places: dict[str, str] = {}
+    for where, values in lines:
+        row = dict(zip(names, values, strict=True))
+        file = str(PurePosixPath(row["file"].replace("\\", "/").removeprefix("./").lstrip("/")))
+        try:
+            entry = new_entry(row)
+        except ValueError as failure:
+            raise RecordingError(f"{path}: {where}: {failure}") from None
+        if entries.setdefault(file, entry) != entry:
+            raise RecordingError(f"{path}: {places[file]} and {where} differ about {file}")
+        places.setdefault(file, where)
+    return entries
+
+
+def entry_of_file(entries: Mapping[str, Entry], file: str) -> Entry | None:
+    """Return the entry whose path is the end of this one; None if there is none.
+
+    The longest path counts, and of two as long the one with the suffix. A single entry may also
+    give more of the path than is known of the file.
+    """
+    ends = list(path_ends(file))
+    for end in ends:
+        if end in entries:
+            return entries[end]
+    for whole in [end for end in ends if end.count("/") == ends[0].count("/")]:
+        longer = [key for key in entries if key.endswith(f"/{whole}")]
+        if longer:
+            return entries[longer[0]] if len(longer) == 1 else None
+    return None
 
 
 # Without these a table says nothing about subjects; other columns may be missing.
@@ -353,156 +395,3 @@ def write_table(folder: str | PathLike[str], name: str, rows: Iterable[Row]) -> 
         with replacing(written[1]) as file:
             frame.to_parquet(file, index=False)
     return written
-
-
-def with_metadata(recordings: DataFrame, table: str | PathLike[str]) -> DataFrame:
-    """Return the recordings with all columns of a table that has a column file.
-
-    It holds the end of each file's path, with or without its suffix, as the table of subjects of
-    `analyse_recordings` does. Columns that the recordings have already stay as they are.
-
-    Raises:
-        RecordingError: the table cannot be read, has no column file, names a file twice, or does
-            not name one of the recordings.
-    """
-    path = Path(table)
-    names, lines = read_text_table(path)
-    if "file" not in names:
-        raise RecordingError(f"{path}: line 1: there is no column file")
-    entries: dict[str, dict[str, str]] = {}
-    for where, values in lines:
-        entry = dict(zip(names, values, strict=True))
-        if (key := named_file(entry["file"])) in entries:
-            raise RecordingError(f"{path}: {where}: {entry['file']} is there already")
-        entries[key] = entry
-    found = [_entry(file, entries, path) for file in recordings["file"]]
-    own = {name for name in recordings.columns if (recordings[name] != "").any()}
-    new = {name: [each[name] for each in found] for name in names if name not in own}
-    return recordings.assign(**new)
-
-
-def _entry(file: str, entries: Mapping[str, dict[str, str]], path: Path) -> dict[str, str]:
-    ends = list(path_ends(file))
-    for end in ends:
-        if (entry := entries.get(end)) is not None:
-            return entry
-    for whole in [end for end in ends if end.count("/") == ends[0].count("/")]:
-        # The table may give more of the path than the recordings do.
-        longer = [key for key in entries if key.endswith(f"/{whole}")]
-        if len(longer) == 1:
-            return entries[longer[0]]
-        if longer:
-            break
-    raise RecordingError(f"{path}: does not name the recording's file {file!r}")
-
-
-def read_study_tables(
-    source: str | PathLike[str] | Iterable[str | PathLike[str]],
-) -> dict[str, DataFrame]:
-    """Read the tables of an output folder, or from the files whose paths are given, by name.
-
-    In a folder recordings, synergies and failures are read from .csv files, or from .parquet
-    files where only these are there. Given files are told apart by the beginning of their names.
-
-    Raises:
-        RecordingError: there is no table of recordings, a table cannot be read, or tables disagree
-            about the synergies of a recording, as when one was cut off.
-    """
-    if isinstance(source, str | PathLike):
-        path = Path(source)
-        files = _by_name([path]) if path.is_file() else _in_folder(path)
-    else:
-        files = _by_name([Path(each) for each in source])
-    tables = {name: read_table(file, name) for name, file in files.items()}
-    if tables["recordings"].empty:
-        raise RecordingError(f"{files['recordings']}: has no recordings")
-    if "synergies" in tables:
-        _check_synergies(tables["recordings"], tables["synergies"], files["synergies"])
-    return tables
-
-
-def _in_folder(folder: Path) -> dict[str, Path]:
-    if not folder.is_dir():
-        raise RecordingError(f"{folder}: there is no such folder or table")
-    found: dict[str, Path] = {}
-    for table in TABLES:
-        files = [folder / f"{table}{suffix}" for suffix in (".csv", ".parquet")]
-        if there := [file for file in files if file.is_file()]:
-            found[table] = there[0]
-    if "recordings" not in found:
-        raise RecordingError(
-            f"{folder}: has no recordings.csv or recordings.parquet; it must be the folder of a "
-            "finished `geodesic-ocp analyse DIR --out FOLDER`"
-        )
-    return found
-
-
-def _by_name(files: Sequence[Path]) -> dict[str, Path]:
-    found: dict[str, Path] = {}
-    for file in files:
-        table = next((t for t in TABLES if file.name.startswith(t)), None)
-        if table is None and len(files) == 1:
-            table = "recordings"
-        if table is None or table in found:
-            raise ValueError(
-                f"source: the name of {file.name} must begin with one of {', '.join(TABLES)}, "
-                "each once"
-            )
-        found[table] = file
-    if "recordings" not in found:
-        raise ValueError("source must have the table of recordings, got none")
-    return found
-
-
-def _check_synergies(recordings: DataFrame, synergies: DataFrame, file: Path) -> None:
-    """RecordingError if a recording has another number of synergies than segments."""
-    counts = Counter(synergies["recording"])
-    if unknown := sorted(set(counts) - set(recordings["recording"])):
-        raise RecordingError(f"{file}: {unknown[0]} is not in the table of recordings")
-    own = recordings[(recordings["method"] == "riemannian") & recordings["segments"].notna()]
-    for name, expected in zip(own["recording"], own["segments"], strict=True):
-        if expected != counts[name]:
-            raise RecordingError(
-                f"{file}: {name} has {counts[name]} synergies, but {expected} in the table of "
-                "recordings; is one of the two cut off, or of another analysis?"
-            )
-
-
-def analysis_tables(
-    analyses: Sequence[Analysis],
-    names: Sequence[str] | None,
-    subjects: Sequence[str] | None,
-    conditions: Sequence[str] | None,
-) -> dict[str, DataFrame]:
-    """Return the tables of analyses in memory, as those of a folder.
-
-    Args:
-        analyses: one of each recording.
-        names: names of the recordings; by default they are numbered.
-        subjects: the persons; by default those of the motions.
-        conditions: conditions of the recordings, column "condition".
-
-    Raises:
-        ValueError: names, subjects or conditions are not one for each analysis, or names are equal.
-    """
-    count = len(analyses)
-    names = [str(k) for k in range(1, count + 1)] if names is None else names
-    if subjects is None:
-        subjects = [each.motion.subject.name or "" for each in analyses]
-    for what, given in (("names", names), ("subjects", subjects), ("conditions", conditions)):
-        if given is not None and (isinstance(given, str) or len(given) != count):
-            raise ValueError(f"{what} must be {count}, one for each analysis, got {given!r}")
-    if len(set(names)) < count:
-        raise ValueError(f"names must differ, got {list(names)!r}")
-    recordings: list[Row] = []
-    synergies: list[Row] = []
-    for k, analysis in enumerate(analyses):
-        identity: Row = {"recording": str(names[k]), "subject": str(subjects[k])}
-        if conditions is not None:
-            identity["condition"] = str(conditions[k])
-        recordings += [identity | row for row in recording_rows(analysis)]
-        synergies += [identity | row for row in synergy_rows(analysis)]
-    return {
-        "recordings": new_rows(recordings, "recordings"),
-        "synergies": new_rows(synergies, "synergies"),
-    }

@@ -62,7 +62,11 @@ def track_hand(
 
 
 def _track_poses(
-    model: Model, observed: Motion, poses: Sequence[Poses], gain: float, damping: float
+    model: Model,
+    observed: Motion,
+    poses: Sequence[Poses],
+    gain: float = 20.0,
+    damping: float = 0.02,
 ) -> Motion:
     """Track poses of all hands together with a damped velocity controller.
 
@@ -218,9 +222,6 @@ def minimum_jerk_hand(
     model: Model,
     motion: Motion,
     segments: Sequence[tuple[int, int]],
-    *,
-    gain: float = 20.0,
-    damping: float = 0.02,
 ) -> Motion:
     """Return minimum jerk of the hand on every segment, between the observed ends, and joints that
     track.
@@ -246,14 +247,13 @@ def minimum_jerk_hand(
         motion: observed, with velocities, of at least three samples.
         segments: (start, stop) sample indices, each starting where the one before stopped, from
             the first sample to the last.
-        gain, damping: gain and damping of the controller, see `track_hand`.
 
     Returns:
         The predicted motion at the recording's own times, with velocities.
 
     Raises:
         ValueError: a joint of the model is missing, the segments do not cover the motion, there are
-            no velocities or fewer than three samples, or a number is not positive.
+            no velocities or fewer than three samples.
     """
     observed = motion.select(model.joint_names)
     pieces = as_segments(observed, segments)
@@ -265,7 +265,7 @@ def minimum_jerk_hand(
         times = observed.time[ends]
         poses = [_hand_motion(times, *(values[ends] for values in each)) for each in hands]
         part = Motion(observed.time[samples], observed.q[samples], observed.joint_names)
-        tracked = _track_poses(model, part, poses, gain, damping)
+        tracked = _track_poses(model, part, poses)
         q[samples], velocity[samples] = tracked.q, tracked.velocity
     return Motion(observed.time, q, observed.joint_names, velocity, observed.subject)
 
@@ -303,45 +303,33 @@ def _hand_motion(time: Array, rotations: Array, places: Array, turns: Array) -> 
     return poses
 
 
-def distal_inertia(
-    model: Model, joints: Sequence[str] | None = None, *, armature: float | None = None
-) -> KineticEnergy:
+def distal_inertia(model: Model) -> KineticEnergy:
     """Return the kinetic energy with joint inertia on the distal joints alone, as a control.
 
     The kinetic energy makes rotations of the forearm and the wrist nearly cost-free. If making
     them costly were all that joint inertia does, G + diag(a) with a on these joints alone would
-    explain recordings as well as G + a I.
+    explain recordings as well as G + a I. The joint inertia is that of the model, if it has any, or
+    else `default_joint_inertia`.
 
     >>> import geodesic_ocp as go
-    >>> go.baselines.distal_inertia(go.human_arm(), armature=0.1).model.armature.tolist()
+    >>> arm = go.human_arm().with_armature(0.1)
+    >>> go.baselines.distal_inertia(arm).model.armature.tolist()
     [0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1]
 
     Args:
-        model: the arm.
-        joints: names of the distal joints; by default forearm rotation and wrist of `human_arm`.
-        armature: their joint inertia [kg m^2]; by default that of the model, if it has any, or
-            else `default_joint_inertia`.
+        model: the arm, a `human_arm`.
 
     Raises:
-        ValueError: no joints are given and the model is not a `human_arm`, there is no such joint,
-            or the joint inertia is not positive.
+        ValueError: the model is not a `human_arm`, of which the distal joints are known.
     """
-    known = ", ".join(model.joint_names)
-    if joints is None and not (joints := distal_joints(model)):
+    if not (joints := distal_joints(model)):
         raise ValueError(
-            f"joints must name the distal ones of {known}: forearm rotation and wrist are known of "
-            "human_arm only"
+            f"the distal joints of {', '.join(model.joint_names)} are not known: forearm rotation "
+            "and wrist are those of human_arm"
         )
-    if isinstance(joints, str) or not joints:
-        raise ValueError(f"joints must be a sequence of names or None, got {joints!r}")
-    if missing := [name for name in joints if name not in model.joint_names]:
-        raise ValueError(f"joints: there is no joint {', '.join(missing)}; there are {known}")
-    if armature is None:
-        everywhere = with_joint_inertia(model).armature
-    else:
-        everywhere = np.full(model.dof, as_positive("armature", armature, "kg m^2"))
     distal = [name in joints for name in model.joint_names]
-    return KineticEnergy(model.with_armature(np.where(distal, everywhere, 0.0)))
+    armature = np.where(distal, with_joint_inertia(model).armature, 0.0)
+    return KineticEnergy(model.with_armature(armature))
 
 
 def distal_joints(model: Model) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recordings.motion_segments import segment_orientations
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
@@ -28,8 +29,7 @@ from geodesic_ocp.recordings.conventions.known_angle_conventions import (
     OPENSIM_FULL_BODY,
     OPENSIM_UPPER_LIMB,
 )
-from geodesic_ocp.recordings.conventions.read_angle_convention import as_angle_convention
-from geodesic_ocp.recordings.conventions.segment_orientations import segment_orientations
+from geodesic_ocp.recordings.conventions.read_convention import as_convention
 
 TIME = np.array([0.0, 1.0])
 RIGHT, FORWARD, UP = np.eye(3)
@@ -50,7 +50,7 @@ def posed(convention: AngleConvention, names: list[str], **degrees: float) -> di
     """Orientations of the segments in a pose in which the columns not given are 0."""
     columns = {name: np.full(2, np.radians(degrees.get(name, 0.0))) for name in names}
     assert set(degrees) <= set(names)
-    found = segments_of_angles(convention, TIME, columns).orientations.rotations
+    found = segments_of_angles(convention, TIME, columns).rotations
     return {segment: matrices[0] for segment, matrices in found.items()}
 
 
@@ -133,7 +133,7 @@ def test_isb_angles_give_the_motion_that_they_describe(side: str, seed: int) -> 
     ]
     names = [*ISB_ARM, "wrist_rotation"]
     columns = {f"{n}_{side[0]}": angle for n, angle in zip(names, angles, strict=True)}
-    found = joint_angles(segments_of_angles(ISB, time, columns).orientations, arm.joint_names)
+    found = joint_angles(segments_of_angles(ISB, time, columns), arm.joint_names)
     assert found.q == pytest.approx(q, abs=1e-7)
 
 
@@ -156,7 +156,7 @@ def test_the_trunk_of_the_full_body_is_its_pelvis_and_lumbar_joint() -> None:
     )
     columns |= {"lumbar_extension": np.full(2, -0.4), "pelvis_tx": np.zeros(2)}
     columns |= {"pelvis_ty": np.ones(2), "pelvis_tz": np.full(2, 0.1)}
-    found = segments_of_angles(OPENSIM_FULL_BODY, TIME, columns).orientations
+    found = segments_of_angles(OPENSIM_FULL_BODY, TIME, columns)
     motion = joint_angles(found)
     assert motion.joint_names[:2] == ("BPx_joint", "BPz_joint")
     # bending forward is negative about x, in halves
@@ -184,7 +184,7 @@ def test_conventions_are_read_from_files(tmp_path: Path) -> None:
         ],
     }
     (tmp_path / "mine.json").write_text(json.dumps(record))
-    mine = as_angle_convention(tmp_path / "mine.json")
+    mine = as_convention(tmp_path / "mine.json")
     assert mine is not None
     assert repr(mine) == (
         "AngleConvention('mine': thorax, right upper arm, right forearm, right hand)"
@@ -193,9 +193,9 @@ def test_conventions_are_read_from_files(tmp_path: Path) -> None:
     assert hand.columns == ("deviation", "flexion")
     assert hand.rotations[1] == AxisRotation((1.0, 0.0, 0.0), "flexion", offset=10.0)
     assert mine.relations[:-1] == OPENSIM_UPPER_LIMB.relations[:-1]
-    assert as_angle_convention("isb") is ISB
-    assert as_angle_convention(mine) is mine
-    assert as_angle_convention(None) is None
+    assert as_convention("isb") is ISB
+    assert as_convention(mine) is mine
+    assert as_convention(None) is None
 
 
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="TOML is read since Python 3.11")
@@ -206,11 +206,11 @@ def test_a_convention_in_toml(tmp_path: Path) -> None:
         'rotations = [{axis = "x", column = "a"}]\n'
     )
     (tmp_path / "t.toml").write_text(text)
-    mine = as_angle_convention(tmp_path / "t.toml")
+    mine = as_convention(tmp_path / "t.toml")
     assert mine is not None
     assert mine.to_right_forward_up == pytest.approx(np.eye(3))
     columns = {"a": np.full(2, 0.3)}
-    motion = joint_angles(segments_of_angles(mine, TIME, columns).orientations)
+    motion = joint_angles(segments_of_angles(mine, TIME, columns))
     assert motion.q[0] == pytest.approx([0.3, 0.0, 0.0])
 
 
@@ -220,7 +220,10 @@ def test_a_convention_in_toml(tmp_path: Path) -> None:
         ("{", "is not a convention in JSON or TOML"),
         ("[]", "a convention has the keys name, relations"),
         ('{"relations": 3}', "relations must be a list"),
-        ('{"relations": [{"parent": null}]}', "a relation must have a segment"),
+        (
+            '{"relations": [{"parent": null}]}',
+            "a relation has the keys segment, .*, of which 'segment' is required",
+        ),
         ('{"relations": [{"segment": "thorax", "parent": "x"}]}', "the parent 'x' of the thorax"),
         ('{"extends": "foo"}', "extends must be one of isb, "),
         ('{"extends": []}', "extends must be one of isb, "),
@@ -239,7 +242,7 @@ def test_a_convention_in_toml(tmp_path: Path) -> None:
 def test_malformed_conventions_are_refused(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "bad.json").write_text(text)
     with pytest.raises(go.RecordingError, match=message) as raised:
-        as_angle_convention(tmp_path / "bad.json")
+        as_convention(tmp_path / "bad.json")
     assert str(raised.value).startswith(str(tmp_path / "bad.json"))
 
 
@@ -264,7 +267,7 @@ def test_any_record_is_a_convention_or_refused(record: dict) -> None:
         file = Path(folder) / "any.json"
         file.write_text(json.dumps(record))
         try:
-            found = as_angle_convention(file)
+            found = as_convention(file)
         except go.RecordingError:
             return
         assert isinstance(found, AngleConvention)
@@ -273,9 +276,9 @@ def test_any_record_is_a_convention_or_refused(record: dict) -> None:
 
 def test_what_is_no_convention() -> None:
     with pytest.raises(ValueError, match="convention must be an AngleConvention, one of isb"):
-        as_angle_convention(3)  # type: ignore[arg-type]
+        as_convention(3)  # type: ignore[arg-type]
     with pytest.raises(go.RecordingError, match="built-in conventions are isb"):
-        as_angle_convention("ISB2005")
+        as_convention("ISB2005")
     with pytest.raises(ValueError, match="two relations of the thorax"):
         AngleConvention("two", (SegmentRelation("thorax"), SegmentRelation("thorax")))
     with pytest.raises(ValueError, match="must have no column"):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recordings.motion_segments import segment_orientations
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.conventions.continuous_angles import (
@@ -16,10 +17,7 @@ from geodesic_ocp.recordings.conventions.continuous_angles import (
     successive_rotations,
 )
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.segment_orientations import (
-    SegmentOrientations,
-    segment_orientations,
-)
+from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.trajectory.motion import FrameMotion
 
 ARMS = {side: go.human_arm(side) for side in ("right", "left")}
@@ -204,8 +202,3 @@ def test_what_segment_orientations_reject(change: dict, message: str) -> None:
     assert repr(good) == "SegmentOrientations(2 samples of thorax)"
     with pytest.raises(ValueError, match=message):
         replace(good, **change)
-
-
-def test_a_motion_of_other_joints_has_no_segments() -> None:
-    with pytest.raises(ValueError, match="of a shoulder, such as RSx_joint"):
-        segment_orientations(go.Motion([0.0, 1.0], np.zeros((2, 1)), ("knee",)))

@@ -37,17 +37,16 @@ def write(folder: Path, text: str, name: str = "x.mot") -> Path:
 def test_every_separator_and_the_unit(separator: str, tmp_path: Path) -> None:
     table = read_coordinates(write(tmp_path, TABS.replace("\t", separator)))
     assert table.time == pytest.approx([0.0, 0.1])
-    assert table.names == ("elbow", "pelvis_tx")
-    assert table.values == pytest.approx(np.array([[np.pi / 2, 0.5], [np.pi, 0.6]]))
-    assert repr(table) == "CoordinateTable(2 samples of 2 coordinates)"
+    assert table.joint_names == ("elbow", "pelvis_tx")
+    assert table.q == pytest.approx(np.array([[np.pi / 2, 0.5], [np.pi, 0.6]]))
 
 
 def test_radians_and_translations_of_other_names(tmp_path: Path) -> None:
     radians = TABS.replace("yes", "no").replace("180", "1.8").replace("90", "0.9")
     file = write(tmp_path, radians)
-    assert read_coordinates(file).values[:, 0] == pytest.approx([0.9, 1.8])
+    assert read_coordinates(file).q[:, 0] == pytest.approx([0.9, 1.8])
     lengths = read_coordinates(write(tmp_path, TABS), translations=["elbow"])
-    assert lengths.values[:, 0] == pytest.approx([90.0, 180.0])
+    assert lengths.q[:, 0] == pytest.approx([90.0, 180.0])
     assert [
         name for name in ("pelvis_tx", "box_transX", "box_rotX", "matrix") if is_translation(name)
     ] == [
@@ -63,8 +62,8 @@ def test_states_of_opensim_4(tmp_path: Path) -> None:
         "/forceset/biceps/activation\n0\t0.5\t9\t0.01\n1\t0.6\t9\t0.01\n"
     )
     table = read_coordinates(write(tmp_path, text, "x.sto"))
-    assert table.names == ("elv_angle",)
-    assert table.values[:, 0] == pytest.approx([0.5, 0.6])
+    assert table.joint_names == ("elv_angle",)
+    assert table.q[:, 0] == pytest.approx([0.5, 0.6])
 
 
 def test_another_number_of_rows_is_not_silent(tmp_path: Path) -> None:

@@ -204,7 +204,10 @@ def test_bodies_can_be_named_in_a_json_file(tmp_path: Path) -> None:
     for change, message in (
         ({"bodies": {"thorax": "nobody"}}, "there is no body 'nobody' for the thorax; bodies of"),
         ({"bodies": {"chest": "chest"}}, "there is no segment 'chest'"),
-        ({"body": {}}, "there is no key 'body'; keys are model, bodies, neutral"),
+        (
+            {"body": {}},
+            "has the keys model, bodies, neutral, of which 'model' is required, not 'body'",
+        ),
         ({"neutral": {"x": 1.0}}, "there is no coordinate 'x' for the neutral pose"),
         ({"neutral": {"Ez_r": "x"}}, "neutral Ez_r must be a finite number"),
         ({"model": 1}, "model must be a file"),

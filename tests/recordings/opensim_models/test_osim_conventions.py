@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from recordings.opensim_models.osim_files import Axis, Link, osim_text, write_table
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention, direction
+from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
+from geodesic_ocp.recordings.conventions.continuous_angles import direction
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from recordings.opensim_models.osim_files import Axis, Link, coupler, osim_text
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.osim_convention import read_osim
-from geodesic_ocp.recordings.conventions.osim_model import body_poses, simm_spline
+from geodesic_ocp.recordings.conventions.osim_file import read_osim, simm_spline
+from geodesic_ocp.recordings.conventions.osim_model import body_poses
 
 Array = NDArray[np.float64]
 

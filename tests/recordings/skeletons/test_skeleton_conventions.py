@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings.motion_segments import segment_orientations
 from recordings.skeletons.skeleton_files import (
     TREE,
     root_positions,
@@ -17,10 +18,7 @@ from recordings.skeletons.skeleton_files import (
 )
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.segment_orientations import (
-    SegmentOrientations,
-    segment_orientations,
-)
+from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.recordings.conventions.skeleton_convention import (
     SkeletonConvention,
     as_skeleton_convention,

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recordings.motion_segments import segment_orientations
 from recordings.skeletons.skeleton_files import (
     TREE,
     root_positions,
@@ -20,7 +21,6 @@ from recordings.skeletons.skeleton_files import (
 )
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.segment_orientations import segment_orientations
 from geodesic_ocp.recordings.conventions.skeleton_convention import (
     SKELETON_CONVENTIONS,
     SkeletonConvention,

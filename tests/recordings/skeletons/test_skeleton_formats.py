@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recordings.motion_segments import segment_orientations
 from recordings.skeletons.skeleton_files import (
     FILE,
     ORDERS,
@@ -26,10 +27,7 @@ from scipy.spatial.transform import Rotation
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.segment_orientations import (
-    SegmentOrientations,
-    segment_orientations,
-)
+from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.recordings.conventions.skeleton_convention import SKELETON_CONVENTIONS, SMPL
 from geodesic_ocp.recordings.formats.amc import read_amc
 from geodesic_ocp.recordings.formats.bvh import read_bvh

@@ -2,34 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_number, as_vector
-from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import read_json_or_toml
+from geodesic_ocp.recordings.conventions.continuous_angles import direction
 
-AXES = ("x", "y", "z", "-x", "-y", "-z")
 _TURNS_BACK = (-1.0, -1.0, 1.0)  # of an axis mirrored at the plane x-y
-
-
-def direction(axis: str | tuple[float, float, float]) -> Array:
-    """Return unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
-    if isinstance(axis, str):
-        if axis not in AXES:
-            raise ValueError(f"axis must be one of {', '.join(AXES)} or 3 numbers, got {axis!r}")
-        vector = np.zeros(3)
-        vector["xyz".index(axis[-1])] = -1.0 if axis[0] == "-" else 1.0
-        return vector
-    vector = as_vector("axis", axis, 3)
-    length = float(np.linalg.norm(vector))
-    if length < 1e-6:
-        raise ValueError(f"axis must not be zero, got {axis!r}")
-    return vector / length
 
 
 @dataclass(frozen=True)
@@ -51,9 +33,9 @@ class AxisRotation:
     optional: bool = False
 
     def __post_init__(self) -> None:
+        axis = direction(self.axis)
         if not isinstance(self.axis, str):
-            object.__setattr__(self, "axis", tuple(direction(self.axis).tolist()))
-        direction(self.axis)
+            object.__setattr__(self, "axis", tuple(axis.tolist()))
         if self.column is not None and (not isinstance(self.column, str) or not self.column):
             raise ValueError(f"column must be a name or None, got {self.column!r}")
         as_number("sign", self.sign)
@@ -87,8 +69,7 @@ class SegmentRelation:
             raise ValueError(f"refusal must be a sentence, got {self.refusal!r}")
         object.__setattr__(self, "rotations", tuple(self.rotations))
         object.__setattr__(self, "neutral", tuple(self.neutral))
-        constant = [each.column is None for each in self.neutral]
-        if not all(constant):
+        if any(each.column is not None for each in self.neutral):
             raise ValueError(f"neutral rotations of the {self.segment} must have no column")
 
     @property
@@ -189,11 +170,9 @@ def mirrored(relation: SegmentRelation) -> SegmentRelation:
     """
 
     def turned(rotation: AxisRotation) -> AxisRotation:
-        axis = direction(rotation.axis) * _TURNS_BACK
-        column = rotation.column
-        if column is not None:
-            column = column.removesuffix("_r") + "_l" if column.endswith("_r") else column
-        return replace(rotation, axis=(axis[0], axis[1], axis[2]), column=column)
+        x, y, z = (direction(rotation.axis) * _TURNS_BACK).tolist()
+        column = re.sub("_r$", "_l", rotation.column or "") or None
+        return replace(rotation, axis=(x, y, z), column=column)
 
     parent = relation.parent
     return replace(
@@ -203,31 +182,3 @@ def mirrored(relation: SegmentRelation) -> SegmentRelation:
         rotations=tuple(turned(each) for each in relation.rotations),
         neutral=tuple(turned(each) for each in relation.neutral),
     )
-
-
-Stated = TypeVar("Stated", bound=Any)
-
-
-def from_record(kind: type[Stated], file: Path, required: str, what: str) -> Stated:
-    """Return the dataclass of this kind whose attributes are the keys of a JSON or TOML file.
-
-    Args:
-        kind: has the attribute `name`, for which the name of the file stands in.
-        file: to read.
-        required: attribute that the file must have.
-        what: the content is, for messages, such as "a convention".
-
-    Raises:
-        RecordingError: the file is missing or malformed, or its keys or values are others.
-    """
-    record = read_json_or_toml(file, "convention")
-    known = [each.name for each in fields(kind)]
-    if not isinstance(record, dict) or required not in record or not set(record) <= set(known):
-        raise RecordingError(
-            f"{file}: {what} has the keys {', '.join(known)}, of which {required!r} is required"
-        )
-    try:
-        stated: Stated = kind(**{"name": file.stem, **record})
-    except (AttributeError, TypeError, ValueError) as failure:
-        raise RecordingError(f"{file}: {failure}") from None
-    return stated

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
@@ -14,44 +12,27 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
     SegmentRelation,
-    direction,
 )
-from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
-from geodesic_ocp.trajectory.motion import FrameMotion, Subject
-
-TRUNK = ("pelvis", "abdomen", "thorax")
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ConvertedAngles:
-    """Orientations of the segments of a table, and why other segments are left out.
-
-    Attributes:
-        orientations: orientations of the segments whose columns are there.
-        reasons: why segments are left out, by segment.
-    """
-
-    orientations: SegmentOrientations
-    reasons: Mapping[str, str]
-
-    def __repr__(self) -> str:
-        without = f", without {', '.join(self.reasons)}" if self.reasons else ""
-        return f"ConvertedAngles({self.orientations!r}{without})"
+from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SEGMENTS,
+    TRUNK,
+    SegmentOrientations,
+)
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 
 def segments_of_angles(
     convention: AngleConvention,
     time: Array,
     columns: Mapping[str, Array],
-    subject: Subject | None = None,
-) -> ConvertedAngles:
+) -> SegmentOrientations:
     """Return the orientations of the segments whose columns are in the table.
 
     Args:
         convention: convention of the angles.
         time: (k,) [s].
         columns: columns by name, (k,) [rad], positions [m].
-        subject: the recorded person.
 
     Raises:
         RecordingError: some but not all columns of a segment of the trunk are there.
@@ -91,21 +72,15 @@ def segments_of_angles(
         for segment, offset in convention.offsets.items():
             place = place + frames[segment] @ np.asarray(offset)
         trunk = FrameMotion(rotations["thorax"], place @ change.T)
-    return ConvertedAngles(
-        SegmentOrientations(time, rotations, trunk, subject or Subject()), reasons
-    )
+    return SegmentOrientations(time, rotations, trunk, left_out=reasons)
 
 
 def fits(convention: AngleConvention, names: set[str]) -> int:
     """Return how many of these columns the convention needs; 0 if it gives no arm from them."""
-    used = [set(each.columns) for each in convention.relations if set(each.columns) <= names]
-    arms = any(
-        relation.segment.endswith("upper arm")
-        and not relation.refusal
-        and set(relation.columns) <= names
-        for relation in convention.relations
-    )
-    return len(set().union(*used)) if arms else 0
+    used = [each for each in convention.relations if set(each.columns) <= names]
+    if not any(each.segment.endswith("upper arm") and not each.refusal for each in used):
+        return 0
+    return len({column for each in used for column in each.columns})
 
 
 def _reason(
@@ -129,8 +104,5 @@ def _product(
         angle = np.full(count, np.radians(rotation.offset))
         if rotation.column is not None and rotation.column in columns:
             angle = angle + rotation.sign * columns[rotation.column]
-        turns = scipy.spatial.transform.Rotation.from_rotvec(
-            angle[:, None] * direction(rotation.axis)
-        )
-        product = product @ turns.as_matrix()
+        product = product @ axis_rotation(rotation.axis, angle)
     return product

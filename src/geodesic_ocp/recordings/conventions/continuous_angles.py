@@ -1,11 +1,12 @@
-"""Angles of three successive rotations about different axes, continuous over time."""
+"""Rotations about axes, and the angles of three successive ones, continuous over time."""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_vector
 
 # Cosine of the second angle below which the other two are not determined one by one: rounding
 # errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
@@ -13,27 +14,32 @@ _LOCKED = 1e-7
 _HALF_TURN = np.full(3, np.pi)
 
 
-def axis_rotation(axis: str, angles: ArrayLike) -> Array:
-    """Return matrices (..., 3, 3) of rotations about the axis "x", "y" or "z" by angles (...)
-    [rad].
-    """
-    angle = np.asarray(angles, dtype=float)
-    i = "xyz".index(axis)
-    j, k = (i + 1) % 3, (i + 2) % 3
-    matrix = np.zeros((*angle.shape, 3, 3))
-    matrix[..., i, i] = 1.0
-    matrix[..., j, j] = matrix[..., k, k] = np.cos(angle)
-    matrix[..., k, j] = np.sin(angle)
-    matrix[..., j, k] = -matrix[..., k, j]
-    return matrix
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
+def direction(axis: str | ArrayLike) -> Array:
+    """Return unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
+    if isinstance(axis, str):
+        if axis not in AXES:
+            raise ValueError(f"axis must be one of {', '.join(AXES)} or 3 numbers, got {axis!r}")
+        return np.asarray(np.eye(3)["xyz".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0))
+    vector = as_vector("axis", axis, 3)
+    length = float(np.linalg.norm(vector))
+    if length < 1e-6:
+        raise ValueError(f"axis must not be zero, got {axis!r}")
+    return vector / length
+
+
+def axis_rotation(axis: str | ArrayLike, angles: ArrayLike) -> Array:
+    """Return matrices (..., 3, 3) of rotations about an axis by angles (...) [rad]."""
+    vectors = np.multiply.outer(np.asarray(angles), direction(axis))
+    return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix())
 
 
 def successive_rotations(axes: str, angles: Array) -> Array:
     """Return the product R_axes[0](angles[:, 0]) R_axes[1](angles[:, 1]) ...: (k, 3, 3)."""
-    product = np.broadcast_to(np.eye(3), (len(angles), 3, 3))
-    for axis, column in zip(axes, angles.T, strict=True):
-        product = product @ axis_rotation(axis, column)
-    return product
+    turns = scipy.spatial.transform.Rotation.from_euler(axes.upper(), angles)
+    return np.asarray(turns.as_matrix())
 
 
 def continuous_angles(
@@ -62,9 +68,11 @@ def continuous_angles(
     b = np.arctan2(sign * rotations[:, i, k], cosine)
     a = np.arctan2(-sign * rotations[:, j, k], rotations[:, k, k])
     c = np.arctan2(-sign * rotations[:, i, j], rotations[:, i, i])
+    # At b = +-pi/2, R = R_i(a + s c) R_j(b), with s = +-1 the sign of b times that of the axes.
+    together = np.arctan2(sign * rotations[:, k, j], rotations[:, j, j])
     free = np.flatnonzero(cosine > _LOCKED)
     if free.size == 0:
-        return _locked(rotations, free, np.zeros((0, 3)), b, (i, j, k), sign)
+        return np.stack([np.unwrap(together), b, np.zeros(len(b))], axis=1)
     first = np.stack([a, b, c], axis=1)[free]
     second = np.stack([a + np.pi, np.pi - b, c + np.pi], axis=1)[free]
     stays = np.sum(_turn(np.diff(first, axis=0)) ** 2, axis=1)
@@ -78,7 +86,7 @@ def continuous_angles(
     angles += starts[best] - angles[0]
     if free.size == len(rotations):
         return angles
-    return _locked(rotations, free, angles, b, (i, j, k), sign)
+    return _filled(free, angles, b, together, sign * np.sign(b))
 
 
 def _turn(angle: Array) -> Array:
@@ -96,32 +104,23 @@ def _nearest_turn(angles: Array, lower: Array, upper: Array) -> Array:
     return result
 
 
-def _locked(
-    rotations: Array,
-    free: NDArray[np.intp],
-    angles: Array,
-    b: Array,
-    axes: tuple[int, int, int],
-    sign: float,
-) -> Array:
-    """Return the angles at all samples: those at `free` samples are given, the others are locked.
+def _filled(free: NDArray[np.intp], angles: Array, b: Array, together: Array, s: Array) -> Array:
+    """Return the angles at all samples from those at `free` ones, and from a + s c at the others.
 
-    At b = +-pi/2, R = R_i(a + s c) R_j(b), with s = +-1 the sign of b times that of the axes.
+    Args:
+        free: indices of the samples that are not locked.
+        angles: angles there, (n, 3).
+        b: second angle at all samples (k,).
+        together: a + s c (k,) where b = +-pi/2.
+        s: 1 or -1 (k,).
     """
-    _, j, k = axes
-    every = np.arange(len(rotations))
-    if free.size == 0:
-        together = np.unwrap(np.arctan2(sign * rotations[:, k, j], rotations[:, j, j]))
-        return np.stack([together, b, np.zeros(len(b))], axis=1)
+    every = np.arange(len(b))
     filled = np.stack([np.interp(every, free, column) for column in angles.T], axis=1)
     locked = np.setdiff1d(every, free)
     both = np.stack([b[locked], np.pi - b[locked]])
     away = _turn(both - filled[locked, 1])
     filled[locked, 1] += np.where(np.abs(away[0]) <= np.abs(away[1]), away[0], away[1])
-    s = np.sign(b[locked]) * sign
-    together = np.arctan2(sign * rotations[locked, k, j], rotations[locked, j, j])
-    guess = filled[locked, 0] + s * filled[locked, 2]
-    error = _turn(together - guess)
+    error = _turn((together - filled[:, 0] - s * filled[:, 2])[locked])
     filled[locked, 0] += 0.5 * error
-    filled[locked, 2] += 0.5 * s * error
+    filled[locked, 2] += 0.5 * s[locked] * error
     return filled

@@ -16,7 +16,7 @@ direction is not exact; the hand's orientation always is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -33,9 +33,6 @@ from geodesic_ocp.recordings.conventions.segment_orientations import (
     SegmentOrientations,
 )
 from geodesic_ocp.trajectory.motion import Motion
-
-# Cosine of the second angle below which the other two are not determined one by one: rounding
-# errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
 
 
 def _needs() -> dict[str, tuple[str, ...]]:
@@ -76,30 +73,24 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
     Raises:
         RecordingError: a joint is not one of these, or a segment that it needs is missing.
     """
-    known = JOINTS
     segments = orientations.rotations
-    if joints is None:
-        wanted = [name for name, needed in known.items() if not _missing(segments, needed)]
-        if not wanted:
-            raise RecordingError(
-                "no joint of arms or trunk follows from the segments "
-                f"{', '.join(segments) or '(none)'}"
-            )
-    else:
-        wanted = list(joints)
-        unknown = [name for name in wanted if name not in known]
-        if unknown:
-            raise RecordingError(
-                f"there is no joint {', '.join(unknown)}; segments give {', '.join(known)}"
-            )
-        lacking = {name: _missing(segments, known[name]) for name in wanted}
-        missing = dict.fromkeys(segment for gap in lacking.values() for segment in gap)
-        if missing:
-            without = ", ".join(name for name, gap in lacking.items() if gap)
-            raise RecordingError(
-                f"{without}: the recording has no orientation of {', '.join(missing)}; "
-                f"it has {', '.join(segments)}"
-            )
+    lacking = {name: [each for each in JOINTS[name] if each not in segments] for name in JOINTS}
+    wanted = [name for name, gap in lacking.items() if not gap] if joints is None else list(joints)
+    if not wanted:
+        raise RecordingError(
+            "no joint of arms or trunk follows from the segments "
+            f"{', '.join(segments) or '(none)'}{_reasons(orientations, orientations.left_out)}"
+        )
+    if unknown := [name for name in wanted if name not in JOINTS]:
+        raise RecordingError(
+            f"there is no joint {', '.join(unknown)}; segments give {', '.join(JOINTS)}"
+        )
+    if missing := dict.fromkeys(segment for name in wanted for segment in lacking[name]):
+        raise RecordingError(
+            f"{', '.join(name for name in wanted if lacking[name])}: the recording has no "
+            f"orientation of {', '.join(missing)}; it has {', '.join(segments)}"
+            f"{_reasons(orientations, missing)}"
+        )
     columns = _trunk_angles(orientations)
     for side in SIDES:
         columns |= _arm_angles(orientations, side)
@@ -112,8 +103,10 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
     )
 
 
-def _missing(segments: Mapping[str, Array], needed: tuple[str, ...]) -> list[str]:
-    return [name for name in needed if name not in segments]
+def _reasons(orientations: SegmentOrientations, segments: Iterable[str]) -> str:
+    """Return why segments are left out, as the end of a message."""
+    reasons = orientations.left_out
+    return "".join(f"; {name}: {reasons[name]}" for name in segments if name in reasons)
 
 
 def _relative(orientations: SegmentOrientations, parent: str, child: str) -> Array:

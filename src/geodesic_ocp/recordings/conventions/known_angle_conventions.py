@@ -20,9 +20,9 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
     SegmentRelation,
-    direction,
     mirrored,
 )
+from geodesic_ocp.recordings.conventions.continuous_angles import direction
 
 Axis = tuple[float, float, float]
 
@@ -37,6 +37,11 @@ def _along(axis: Axis) -> AxisRotation:
     return AxisRotation((across[0], across[1], across[2]), offset=angle)
 
 
+def _turns(*columns: tuple[str | Axis, str]) -> tuple[AxisRotation, ...]:
+    """Return the rotations about axes by columns, one after the other."""
+    return tuple(AxisRotation(axis, column) for axis, column in columns)
+
+
 def _both(right: tuple[SegmentRelation, ...]) -> tuple[SegmentRelation, ...]:
     return right + tuple(mirrored(relation) for relation in right)
 
@@ -45,11 +50,7 @@ _ISB_ARM = (
     SegmentRelation(
         "right upper arm",
         "thorax",
-        (
-            AxisRotation("y", "plane_of_elevation_r"),
-            AxisRotation("x", "elevation_r"),
-            AxisRotation("y", "axial_rotation_r"),
-        ),
+        _turns(("y", "plane_of_elevation_r"), ("x", "elevation_r"), ("y", "axial_rotation_r")),
     ),
     SegmentRelation(
         "right forearm",
@@ -78,10 +79,10 @@ ISB = AngleConvention(
         SegmentRelation(
             "thorax",
             None,
-            (
-                AxisRotation("z", "thorax_extension"),
-                AxisRotation("x", "thorax_lateral_flexion"),
-                AxisRotation("y", "thorax_axial_rotation"),
+            _turns(
+                ("z", "thorax_extension"),
+                ("x", "thorax_lateral_flexion"),
+                ("y", "thorax_axial_rotation"),
             ),
         ),
         *_both(_ISB_ARM),
@@ -109,16 +110,13 @@ OPENSIM_UPPER_LIMB = AngleConvention(
         SegmentRelation(
             "right forearm",
             "right upper arm",
-            (
-                AxisRotation((0.0494004, 0.0366003, 0.998108), "elbow_flexion"),
-                AxisRotation(_PRONATION, "pro_sup"),
-            ),
+            _turns(((0.0494004, 0.0366003, 0.998108), "elbow_flexion"), (_PRONATION, "pro_sup")),
             (_along(_PRONATION),),
         ),
         SegmentRelation(
             "right hand",
             "right forearm",
-            (AxisRotation("z", "deviation"), AxisRotation("x", "flexion")),
+            _turns(("z", "deviation"), ("x", "flexion")),
             refusal=(
                 "the axes and the sense of the columns deviation and flexion differ between "
                 "published versions of this model; give your model's in a convention of your own"
@@ -136,25 +134,18 @@ _FULL_BODY_ARM = (
     SegmentRelation(
         "right upper arm",
         "thorax",
-        (
-            AxisRotation("z", "arm_flex_r"),
-            AxisRotation("x", "arm_add_r"),
-            AxisRotation("y", "arm_rot_r"),
-        ),
+        _turns(("z", "arm_flex_r"), ("x", "arm_add_r"), ("y", "arm_rot_r")),
     ),
     SegmentRelation(
         "right forearm",
         "right upper arm",
-        (
-            AxisRotation((0.226047, 0.022269, 0.973862), "elbow_flex_r"),
-            AxisRotation(_RADIUS, "pro_sup_r"),
-        ),
+        _turns(((0.226047, 0.022269, 0.973862), "elbow_flex_r"), (_RADIUS, "pro_sup_r")),
         (_along(_RADIUS), _PALM_INWARDS),
     ),
     SegmentRelation(
         "right hand",
         "right forearm",
-        (AxisRotation("z", "wrist_flex_r"), AxisRotation("x", "wrist_dev_r")),
+        _turns(("z", "wrist_flex_r"), ("x", "wrist_dev_r")),
         (_PALM_INWARDS,),
     ),
 )
@@ -164,20 +155,12 @@ OPENSIM_FULL_BODY = AngleConvention(
         SegmentRelation(
             "pelvis",
             None,
-            (
-                AxisRotation("z", "pelvis_tilt"),
-                AxisRotation("x", "pelvis_list"),
-                AxisRotation("y", "pelvis_rotation"),
-            ),
+            _turns(("z", "pelvis_tilt"), ("x", "pelvis_list"), ("y", "pelvis_rotation")),
         ),
         SegmentRelation(
             "thorax",
             "pelvis",
-            (
-                AxisRotation("z", "lumbar_extension"),
-                AxisRotation("x", "lumbar_bending"),
-                AxisRotation("y", "lumbar_rotation"),
-            ),
+            _turns(("z", "lumbar_extension"), ("x", "lumbar_bending"), ("y", "lumbar_rotation")),
         ),
         *_both(_FULL_BODY_ARM),
     ),

@@ -18,7 +18,7 @@ hand: in line with the forearm in the neutral pose, in which all coordinates are
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +26,7 @@ import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.conventions.osim_model import OsimModel, body_poses
+from geodesic_ocp.recordings.conventions.osim_model import OsimModel, body_poses, point_in
 
 _STEP = 1e-4  # of coordinates [rad]
 _TURNS = 1e-3  # rad a unit of the coordinate
@@ -34,23 +34,20 @@ _TURNS = 1e-3  # rad a unit of the coordinate
 _ACROSS, _ALONG = 0.6, 0.8
 
 
-def turning_axes(
-    model: OsimModel, zero: Mapping[str, Array], parent: str, child: str
-) -> dict[str, Array]:
-    """Return the rotation vector (3,) of the child per unit, by coordinate."""
+def turning_axes(model: OsimModel, parent: str, child: str) -> dict[str, Array]:
+    """Return the rotation vector (3,) of the child per unit, by coordinate, at zero."""
     found = {}
     for name in model.independent(model.path(child, parent)):
-        ends = []
-        for step in (_STEP, -_STEP):
-            poses = body_poses(model, {**zero, name: np.array([step])}, (parent, child))
-            ends.append(poses[parent][0][0].T @ poses[child][0][0])
-        turn = scipy.spatial.transform.Rotation.from_matrix(ends[0] @ ends[1].T).as_rotvec()
+        poses = body_poses(model, {**model.zero, name: np.array([_STEP, -_STEP])}, (parent, child))
+        ahead, back = np.swapaxes(poses[parent][0], 1, 2) @ poses[child][0]
+        turn = scipy.spatial.transform.Rotation.from_matrix(ahead @ back.T).as_rotvec()
         if np.linalg.norm(turn) > 2.0 * _STEP * _TURNS:
             found[name] = turn / (2.0 * _STEP)
     return found
 
 
 def _cosines(turning: Mapping[str, Array], along: Array) -> dict[str, float]:
+    """Return the cosines between the axes of coordinates and a long axis (3,)."""
     length = np.linalg.norm(along)
     return {
         name: float(abs(turn @ along) / (np.linalg.norm(turn) * length))
@@ -58,31 +55,19 @@ def _cosines(turning: Mapping[str, Array], along: Array) -> dict[str, float]:
     }
 
 
-def turning_across(turning: Mapping[str, Array], along: Array) -> list[str]:
-    """Return the coordinates that turn about axes across a long axis (3,)."""
-    return [name for name, cosine in _cosines(turning, along).items() if cosine < _ACROSS]
-
-
-def turning_along(turning: Mapping[str, Array], along: Array) -> str | None:
-    """Get the coordinate that turns about the axis nearest to a long axis (3,), if one is near."""
-    cosines = _cosines(turning, along)
-    best = max(cosines, key=cosines.__getitem__, default=None)
-    return best if best is not None and cosines[best] > _ALONG else None
-
-
-def flexion_among(model: OsimModel, names: Sequence[str]) -> str | None:
-    """Return the coordinate with "flex" in its name, or the one of the largest range."""
+def _flexion_among(model: OsimModel, cosines: Mapping[str, float]) -> str | None:
+    """Return the coordinate about an axis across the long one that has "flex" in its name, or the
+    largest range.
+    """
+    names = [name for name, cosine in cosines.items() if cosine < _ACROSS]
     named = [name for name in names if "flex" in name.lower()]
     if len(named) == 1:
         return named[0]
-    ranges = {name: model.coordinates[name].range or (0.0, 0.0) for name in names}
-    return max(names, key=lambda name: ranges[name][1] - ranges[name][0], default=None)
+    return max(names, key=lambda name: float(np.ptp(_range(model, name))), default=None)
 
 
-def larger_part(model: OsimModel, name: str) -> float:
-    """1 or -1, the sign of the larger part of a coordinate's range."""
-    limits = model.coordinates[name].range
-    return -1.0 if limits is not None and limits[0] + limits[1] < 0.0 else 1.0
+def _range(model: OsimModel, name: str) -> tuple[float, float]:
+    return model.coordinates[name].range or (0.0, 0.0)
 
 
 _SHORTEST = 0.02  # of upper arm and forearm [m]
@@ -94,7 +79,7 @@ _STATE_IT = (
 )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class ArmAxes:
     """Points and axes within the bodies of one arm.
 
@@ -124,9 +109,6 @@ class ArmAxes:
             return humerus @ self.upper, forearm
         return humerus @ self.upper, forearm, poses[self.bodies[2]][0] @ self.hand
 
-    def __repr__(self) -> str:
-        return f"ArmAxes({', '.join(self.bodies)})"
-
 
 def _axes(up: Array, forward: Array) -> Array:
     """Get axes (..., 3, 3) as columns with z along `up` and y next to `forward`, both (..., 3)."""
@@ -140,7 +122,6 @@ def arm_axes(
     model: OsimModel,
     bodies: tuple[str, ...],
     side: str,
-    zero: Mapping[str, Array],
     neutral: Mapping[str, float],
 ) -> ArmAxes:
     """Return the axes of the arm with these bodies of upper arm, forearm and hand (or without a
@@ -150,7 +131,6 @@ def arm_axes(
         model: model of the arm.
         bodies: names.
         side: "right" or "left".
-        zero: coordinates of the model, one sample of zeros.
         neutral: those of the neutral pose that are not zero [rad].
 
     Raises:
@@ -161,50 +141,44 @@ def arm_axes(
     hinge = model.path(radius, humerus)[0].parent.position
     shoulder = model.joints[humerus].child.position
     wrist = _wrist(model, bodies)
-    tip = _wrist_in_upper_arm(model, zero, humerus, radius, wrist)
+    tip = point_in(model, model.zero, humerus, radius, wrist)
     for name, length in (("upper arm", shoulder - hinge), ("forearm", hinge - tip)):
         if np.linalg.norm(length) < _SHORTEST:
             raise RecordingError(f"the joint centres of the {side} {name} are at one place")
-    turning = turning_axes(model, zero, humerus, radius)
-    rotating = turning_along(turning, hinge - tip)
-    flexing = flexion_among(
-        model, [name for name in turning_across(turning, shoulder - hinge) if name != rotating]
+    turning = turning_axes(model, humerus, radius)
+    along = _cosines(turning, hinge - tip)
+    rotating = max(along, key=along.__getitem__, default=None)
+    if rotating is not None and along[rotating] <= _ALONG:
+        rotating = None
+    across = _cosines(turning, shoulder - hinge)
+    flexing = _flexion_among(
+        model, {name: cosine for name, cosine in across.items() if name != rotating}
     )
     if flexing is None:
         raise RecordingError(f"no coordinate flexes the elbow between {humerus!r} and {radius!r}")
-    axis = turning[flexing] * larger_part(model, flexing)
+    axis = turning[flexing] * (-1.0 if sum(_range(model, flexing)) < 0.0 else 1.0)
     given = {name: np.array([value]) for name, value in neutral.items()}
 
     def posed(elbow: Array) -> tuple[ArmAxes, dict[str, Array]]:
         """Get the axes with this centre of the elbow, and the coordinates of the neutral pose."""
         up = shoulder - elbow
         arm = ArmAxes(bodies[:2], _axes(up, np.cross(up, axis)), elbow, wrist, np.zeros(3))
-        pose = {**zero, **given}
+        pose = {**model.zero, **given}
         if given:
             poses = body_poses(model, pose, bodies[:2])
             forward = poses[humerus][0][0] @ arm.upper[:, 1]
             return replace(arm, thumb=poses[radius][0][0].T @ forward), pose
-        arm, angle = _palm_inwards(model, arm, bodies, side, zero, rotating)
+        arm, angle = _palm_inwards(model, arm, bodies, side, rotating)
         return arm, pose if rotating is None else {**pose, rotating: np.array([angle])}
 
     _, pose = posed(hinge)
-    tip = _wrist_in_upper_arm(model, pose, humerus, radius, wrist)
+    tip = point_in(model, pose, humerus, radius, wrist)
     arm, pose = posed(_nearest_point(hinge, axis, shoulder, tip))
     if len(bodies) < 3:
         return arm
     poses = body_poses(model, pose, bodies)
     hand = poses[bodies[2]][0][0].T @ arm.rotations(poses)[1][0]
     return replace(arm, bodies=bodies, hand=hand)
-
-
-def _wrist_in_upper_arm(
-    model: OsimModel, pose: Mapping[str, Array], humerus: str, radius: str, wrist: Array
-) -> Array:
-    """Return the centre of the wrist (3,) in the upper arm's body."""
-    poses = body_poses(model, pose, (humerus, radius))
-    (rotation, origin), (turned, place) = ((r[0], p[0]) for r, p in poses.values())
-    result: Array = rotation.T @ (place + turned @ wrist - origin)
-    return result
 
 
 def _nearest_point(hinge: Array, axis: Array, start: Array, end: Array) -> Array:
@@ -239,7 +213,6 @@ def _palm_inwards(
     arm: ArmAxes,
     bodies: tuple[str, ...],
     side: str,
-    zero: Mapping[str, Array],
     rotating: str | None,
 ) -> tuple[ArmAxes, float]:
     """Return the arm with the thumb's direction, and the forearm's rotation with the palm inwards
@@ -247,10 +220,9 @@ def _palm_inwards(
 
     Palmar flexion turns the right hand about the direction of the thumb, the left one against it.
     """
-    turning = turning_axes(model, zero, bodies[1], bodies[2]) if len(bodies) > 2 else {}
-    flexing = flexion_among(
-        model, turning_across(turning, arm.wrist - _elbow_in_forearm(model, arm, zero))
-    )
+    turning = turning_axes(model, bodies[1], bodies[2]) if len(bodies) > 2 else {}
+    elbow = point_in(model, model.zero, bodies[1], bodies[0], arm.elbow)
+    flexing = _flexion_among(model, _cosines(turning, arm.wrist - elbow))
     if flexing is None:
         raise RecordingError(
             f"the model does not show where the {side} palm is, as no coordinate flexes the wrist; "
@@ -260,7 +232,7 @@ def _palm_inwards(
     choices = [replace(arm, thumb=sign * thumb) for sign in (1.0, -1.0)]
     if rotating is None:
         return choices[0], 0.0
-    angles = [_facing(model, choice, zero, rotating, side) for choice in choices]
+    angles = [_facing(model, choice, rotating, side) for choice in choices]
     limits = model.coordinates[rotating].range
     if limits is None:
         return choices[0], angles[0]
@@ -274,20 +246,11 @@ def _palm_inwards(
     return choices[best], angles[best]
 
 
-def _elbow_in_forearm(model: OsimModel, arm: ArmAxes, zero: Mapping[str, Array]) -> Array:
-    poses = body_poses(model, zero, arm.bodies)
-    (humerus, at), (radius, to) = (poses[body] for body in arm.bodies)
-    place: Array = radius[0].T @ (at[0] + humerus[0] @ arm.elbow - to[0])
-    return place
-
-
-def _facing(
-    model: OsimModel, arm: ArmAxes, zero: Mapping[str, Array], rotating: str, side: str
-) -> float:
+def _facing(model: OsimModel, arm: ArmAxes, rotating: str, side: str) -> float:
     """Return the forearm's rotation [rad] at which its y axis is the upper arm's."""
 
     def away(angle: float) -> float:
-        poses = body_poses(model, {**zero, rotating: np.array([angle])}, arm.bodies)
+        poses = body_poses(model, {**model.zero, rotating: np.array([angle])}, arm.bodies)
         upper, forearm = (each[0] for each in arm.rotations(poses))
         sine, cosine = forearm[:, 0] @ upper[:, 1], forearm[:, 1] @ upper[:, 1]
         return float(np.arctan2(sine, cosine))

@@ -9,25 +9,16 @@ from typing import Literal
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.conventions.continuous_angles import successive_rotations
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion, Subject
 
 ARM_JOINTS = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")  # after R or L, before _joint
 TRUNK_JOINTS = ("BPx", "BPz", "BPy", "BTx", "BTz", "BTy")  # before _joint
 SIDES: tuple[Literal["right", "left"], ...] = ("right", "left")
 
+TRUNK = ("pelvis", "abdomen", "thorax")
+ARM = ("upper arm", "forearm", "hand")  # after a side
 #: Names of the segments; those of the arms begin with "right" or "left".
-SEGMENTS = (
-    "pelvis",
-    "abdomen",
-    "thorax",
-    "right upper arm",
-    "right forearm",
-    "right hand",
-    "left upper arm",
-    "left forearm",
-    "left hand",
-)
+SEGMENTS = (*TRUNK, *(f"{side} {part}" for side in SIDES for part in ARM))
 
 _ORTHONORMAL = 1e-6
 
@@ -48,6 +39,7 @@ class SegmentOrientations:
         trunk: pose of the thorax in that space, its origin midway between the shoulders; None if
             its position is not recorded.
         subject: the recorded person.
+        left_out: why other segments are left out, by segment, where the recording says so.
 
     Raises:
         ValueError: an unknown segment, shapes that do not match, values that are not finite, a
@@ -58,18 +50,11 @@ class SegmentOrientations:
     rotations: Mapping[str, Array]
     trunk: FrameMotion | None = None
     subject: Subject = field(default_factory=Subject)
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        time = np.array(self.time, dtype=float)
-        if time.ndim != 1 or time.size < 2:
-            raise ValueError(f"time must be (k,) with at least two samples, got {time.shape}")
-        steps = np.diff(time)
-        if not np.all(steps > 0.0):
-            sample = int(np.argmin(steps > 0.0)) + 1
-            raise ValueError(
-                f"time must increase: sample {sample} is at {time[sample]:.6g} s, the one before "
-                f"at {time[sample - 1]:.6g} s"
-            )
+        empty = np.zeros((np.size(self.time), 0))
+        time = Motion(self.time, empty, (), trunk=self.trunk).time
         checked = {}
         for name, given in self.rotations.items():
             if name not in SEGMENTS:
@@ -89,9 +74,6 @@ class SegmentOrientations:
                 )
             matrices.flags.writeable = False
             checked[name] = matrices
-        if self.trunk is not None and len(self.trunk) != time.size:
-            raise ValueError(f"trunk must have {time.size} samples, got {len(self.trunk)}")
-        time.flags.writeable = False
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "rotations", checked)
 
@@ -101,47 +83,3 @@ class SegmentOrientations:
     def __repr__(self) -> str:
         names = ", ".join(self.rotations)
         return f"SegmentOrientations({len(self)} samples of {names or 'no segment'})"
-
-
-def segment_orientations(motion: Motion) -> SegmentOrientations:
-    """Return the orientations of the segments of a motion of the Master Motor Map's joints.
-
-    Thorax: that of `motion.trunk`, or upright. Upper arms, forearms and hands follow where the
-    motion has all angles from the thorax to them, abdomen and pelvis with the trunk's joints. It
-    is the inverse of `joint_angles`.
-
-    Raises:
-        ValueError: the motion has no angles of a whole shoulder or of the trunk.
-    """
-    count = len(motion)
-    upright = np.broadcast_to(np.eye(3), (count, 3, 3))
-    thorax = upright if motion.trunk is None else motion.trunk.rotations
-    rotations = {"thorax": thorax}
-    upper = _rotation(motion, "", TRUNK_JOINTS[3:], "xzy")
-    if upper is not None:
-        rotations["abdomen"] = thorax @ np.swapaxes(upper, 1, 2)
-        lower = _rotation(motion, "", TRUNK_JOINTS[:3], "xzy")
-        if lower is not None:
-            rotations["pelvis"] = rotations["abdomen"] @ np.swapaxes(lower, 1, 2)
-    for side in SIDES:
-        pose = thorax
-        chain = (("upper arm", 0, 3, "xzy"), ("forearm", 3, 5, "xz"), ("hand", 5, 7, "xy"))
-        for segment, first, end, axes in chain:
-            turn = _rotation(motion, side[0].upper(), ARM_JOINTS[first:end], axes)
-            if turn is None:
-                break
-            pose = pose @ turn
-            rotations[f"{side} {segment}"] = pose
-    if len(rotations) == 1:
-        raise ValueError(
-            "the motion must have the angles of a shoulder, such as RSx_joint, RSz_joint and "
-            f"RSy_joint, or of the trunk; it has {', '.join(motion.joint_names)}"
-        )
-    return SegmentOrientations(motion.time, rotations, motion.trunk, motion.subject)
-
-
-def _rotation(motion: Motion, letter: str, joints: tuple[str, ...], axes: str) -> Array | None:
-    names = [f"{letter}{joint}_joint" for joint in joints]
-    if not set(names) <= set(motion.joint_names):
-        return None
-    return successive_rotations(axes, motion.select(names).q)

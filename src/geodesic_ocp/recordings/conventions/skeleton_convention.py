@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from geodesic_ocp.arrays import as_number, as_positive
-from geodesic_ocp.recordings.conventions.angle_convention import from_record
-from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS
+from geodesic_ocp.recordings.conventions.segment_orientations import ARM, SEGMENTS, SIDES, TRUNK
+from geodesic_ocp.recordings.conventions.stated import as_stated
 from geodesic_ocp.recordings.units import LENGTHS
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
@@ -78,8 +79,7 @@ class SkeletonConvention:
             raise ValueError(f"rest must be {' or '.join(map(repr, RESTS))}, got {self.rest!r}")
         for segment, angle in self.twist.items():
             as_number(f"twist of the {segment}", angle)
-        if self.unit is not None:
-            metres_per_unit(self.unit)
+        metres_per_unit(self.unit)
 
     def __repr__(self) -> str:
         return f"SkeletonConvention({self.name!r}, {len(self.joints)} segments)"
@@ -99,120 +99,110 @@ def _names(segment: str, given: object) -> tuple[str, ...]:
     return tuple(listed)
 
 
-def metres_per_unit(unit: str | float) -> float:
-    """Return metres per unit of length, from its name or as it is given.
+def metres_per_unit(
+    unit: str | float | None, convention: SkeletonConvention | None = None
+) -> float | None:
+    """Return metres per unit of length, or of the convention's unit if none is given.
 
     Raises:
         ValueError: an unknown name, or a number that is not positive.
     """
+    if unit is None:
+        unit = convention.unit if convention is not None else None
     if isinstance(unit, str):
         if unit not in UNITS:
             raise ValueError(
                 f"unit must be 'm', 'cm', 'mm', 'in' or a number of metres, got {unit!r}"
             )
         return UNITS[unit]
-    return as_positive("unit", unit, "m")
+    return None if unit is None else as_positive("unit", unit, "m")
 
 
-def _both_sides(**names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Get names by segment; those of the arms are given with {side}, {Side}, {s} or {S} in them."""
-    arms = {"upper_arm": "upper arm", "forearm": "forearm", "hand": "hand"}
-    joints = {segment: given for segment, given in names.items() if segment not in arms}
-    for side in ("right", "left"):
+def _family(name: str, *joints: str | tuple[str, ...], **axes: Any) -> SkeletonConvention:
+    """Return a convention of skeletons whose joints have these names.
+
+    Args:
+        name: name of the convention.
+        joints: names of the joints that carry pelvis, abdomen, thorax, upper arm, forearm and hand,
+            in this order; those of the arms with {side}, {Side}, {s} or {S} in them.
+        axes: up and forward.
+    """
+    parts = zip((*TRUNK, *ARM), joints, strict=True)
+    named = {segment: _names(segment, given) for segment, given in parts}
+    found = {segment: named[segment] for segment in TRUNK}
+    for side in SIDES:
         letters = {"side": side, "Side": side.title(), "s": side[0], "S": side[0].upper()}
-        for key, segment in arms.items():
-            joints[f"{side} {segment}"] = tuple(name.format(**letters) for name in names[key])
-    return joints
+        for part in ARM:
+            found[f"{side} {part}"] = tuple(each.format(**letters) for each in named[part])
+    return SkeletonConvention(name, found, **axes)
 
 
 # Between pelvis and thorax many skeletons have two or more joints, of which the abdomen's is one:
 # that only decides how their rotation is shared between the lower and the upper joint of the trunk.
-_CMU = SkeletonConvention(
+_CMU = _family(
     # The bones of the database's .asf files. The radius has the flexion of the elbow, the bone
     # after it ("wrist") the pronation, the hand the flexion and the abduction of the wrist.
     "CMU Graphics Lab (ASF)",
-    _both_sides(
-        pelvis=("root",),
-        abdomen=("upperback", "lowerback"),
-        thorax=("thorax",),
-        upper_arm=("{s}humerus",),
-        forearm=("{s}wrist", "{s}radius"),
-        hand=("{s}hand",),
-    ),
+    "root",
+    ("upperback", "lowerback"),
+    "thorax",
+    "{s}humerus",
+    ("{s}wrist", "{s}radius"),
+    "{s}hand",
 )
-_HUMAN_IK = SkeletonConvention(
+_HUMAN_IK = _family(
     # Names of MotionBuilder's HumanIK, with Mixamo's and 3ds Max's namespaces in front or not; also
     # those of the CMU database's BVH files and of Perception Neuron's. "RightShoulder" is the
     # clavicle here.
     "MotionBuilder, Mixamo, Perception Neuron",
-    _both_sides(
-        pelvis=("Hips",),
-        abdomen=("Spine2", "Spine1", "Spine", "LowerBack"),
-        thorax=("Spine3", "Spine2", "Spine1", "Spine", "Chest"),
-        upper_arm=("{Side}Arm",),
-        forearm=("{Side}ForeArm",),
-        hand=("{Side}FingerBase", "{Side}Hand"),
-    ),
+    "Hips",
+    ("Spine2", "Spine1", "Spine", "LowerBack"),
+    ("Spine3", "Spine2", "Spine1", "Spine", "Chest"),
+    "{Side}Arm",
+    "{Side}ForeArm",
+    ("{Side}FingerBase", "{Side}Hand"),
 )
-_BIOVISION = SkeletonConvention(
+_BIOVISION = _family(
     # Biovision's own names, and those of BVH files from Xsens MVN with Chest to Chest4.
     # "RightShoulder" is the upper arm here, "RightCollar" the clavicle.
     "Biovision, Xsens MVN (BVH)",
-    _both_sides(
-        pelvis=("Hips", "Hip"),
-        abdomen=("Chest2", "Chest", "Abdomen", "Spine"),
-        thorax=("Chest4", "Chest3", "Chest2", "Chest", "Torso", "Spine"),
-        upper_arm=("{Side}Shoulder", "{Side}UpArm"),
-        forearm=("{Side}Elbow", "{Side}LowArm"),
-        hand=("{Side}Wrist", "{Side}Hand"),
-    ),
+    ("Hips", "Hip"),
+    ("Chest2", "Chest", "Abdomen", "Spine"),
+    ("Chest4", "Chest3", "Chest2", "Chest", "Torso", "Spine"),
+    ("{Side}Shoulder", "{Side}UpArm"),
+    ("{Side}Elbow", "{Side}LowArm"),
+    ("{Side}Wrist", "{Side}Hand"),
 )
-_MVN = SkeletonConvention(
+_MVN = _family(
     # Segments of the Xsens MVN user manual; "RightShoulder" is the clavicle here.
     "Xsens MVN (segments)",
-    _both_sides(
-        pelvis=("Pelvis",),
-        abdomen=("L3", "L5"),
-        thorax=("T8",),
-        upper_arm=("{Side}UpperArm",),
-        forearm=("{Side}ForeArm",),
-        hand=("{Side}Hand",),
-    ),
+    "Pelvis",
+    ("L3", "L5"),
+    "T8",
+    "{Side}UpperArm",
+    "{Side}ForeArm",
+    "{Side}Hand",
 )
-_BIPED = SkeletonConvention(
+_BIPED = _family(
     "3ds Max Biped",
-    _both_sides(
-        pelvis=("Bip01 Pelvis",),
-        abdomen=("Bip01 Spine2", "Bip01 Spine1", "Bip01 Spine"),
-        thorax=("Bip01 Spine3", "Bip01 Spine2", "Bip01 Spine1", "Bip01 Spine"),
-        upper_arm=("Bip01 {S} UpperArm",),
-        forearm=("Bip01 {S} Forearm",),
-        hand=("Bip01 {S} Hand",),
-    ),
+    "Bip01 Pelvis",
+    ("Bip01 Spine2", "Bip01 Spine1", "Bip01 Spine"),
+    ("Bip01 Spine3", "Bip01 Spine2", "Bip01 Spine1", "Bip01 Spine"),
+    "Bip01 {S} UpperArm",
+    "Bip01 {S} Forearm",
+    "Bip01 {S} Hand",
 )
-_POSER = SkeletonConvention(
-    "Poser and DAZ",
-    _both_sides(
-        pelvis=("hip",),
-        abdomen=("abdomen",),
-        thorax=("chest",),
-        upper_arm=("{s}Shldr",),
-        forearm=("{s}ForeArm",),
-        hand=("{s}Hand",),
-    ),
-)
+_POSER = _family("Poser and DAZ", "hip", "abdomen", "chest", "{s}Shldr", "{s}ForeArm", "{s}Hand")
 #: The body joints of SMPL (Loper et al. 2015, "SMPL: a skinned multi-person linear model", ACM
 #: Transactions on Graphics 34(6)): the rest pose is a T pose with y up, facing z.
-SMPL = SkeletonConvention(
+SMPL = _family(
     "SMPL",
-    _both_sides(
-        pelvis=("pelvis",),
-        abdomen=("spine2", "spine1"),
-        thorax=("spine3",),
-        upper_arm=("{side}_shoulder",),
-        forearm=("{side}_elbow",),
-        hand=("{side}_wrist",),
-    ),
+    "pelvis",
+    ("spine2", "spine1"),
+    "spine3",
+    "{side}_shoulder",
+    "{side}_elbow",
+    "{side}_wrist",
     up="+y",
     forward="+z",
 )
@@ -233,8 +223,4 @@ def as_skeleton_convention(
         RecordingError: the file is missing or malformed, or its keys or values are others.
         ValueError: the argument is neither a convention nor a path.
     """
-    if given is None or isinstance(given, SkeletonConvention):
-        return given
-    if not isinstance(given, (str, Path)):
-        raise ValueError(f"convention must be a SkeletonConvention or a file, got {given!r}")
-    return from_record(SkeletonConvention, Path(given), "joints", "a convention")
+    return as_stated(SkeletonConvention, given, "convention", "a convention")

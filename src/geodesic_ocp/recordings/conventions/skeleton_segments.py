@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation
-from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
+from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation, direction
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    ARM,
+    SEGMENTS,
+    SIDES,
+    TRUNK,
+    SegmentOrientations,
+)
 from geodesic_ocp.recordings.conventions.skeleton_convention import (
     AXES,
     SKELETON_CONVENTIONS,
@@ -21,7 +28,7 @@ from geodesic_ocp.recordings.conventions.skeleton_convention import (
 from geodesic_ocp.trajectory.motion import FrameMotion, Subject
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Skeleton:
     """A tree of joints in its rest pose, in which the frames of all joints are parallel.
 
@@ -50,12 +57,8 @@ class Skeleton:
         path = self.path(end)
         return path[path.index(start) + 1 :]
 
-    def __repr__(self) -> str:
-        shown = ", ".join(self.names[:8]) + (", ..." if len(self.names) > 8 else "")
-        return f"Skeleton({len(self.names)} joints: {shown})"
 
-
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class SkeletonMotion:
     """The motion of a skeleton, joint by joint.
 
@@ -72,9 +75,6 @@ class SkeletonMotion:
     time: Array
     rotation: Callable[[int], Array]
     position: Callable[[int], Array]
-
-    def __repr__(self) -> str:
-        return f"SkeletonMotion({len(self.time)} samples of {self.skeleton!r})"
 
 
 def forward_kinematics(
@@ -100,12 +100,11 @@ def forward_kinematics(
     return poses
 
 
-SIDES = ("right", "left")
 _SHOWN = 60  # names of joints in a message
 
 
 def named_segments(
-    file: Path, skeleton: Skeleton, convention: SkeletonConvention | None
+    skeleton: Skeleton, convention: SkeletonConvention | None
 ) -> tuple[SkeletonConvention, dict[str, int]]:
     """Return the convention, or the known one that fits best, and the joint of every segment it
     finds.
@@ -118,18 +117,14 @@ def named_segments(
         RecordingError: the convention does not fit, or no known one does.
     """
     if convention is not None:
-        found = _found(file, skeleton, convention)
+        found = _found(skeleton, convention)
         if not _fits(found):
             known = {_plain(name) for name in skeleton.names}
-            absent = [
-                name
-                for names in convention.joints.values()
-                for name in names
-                if _plain(name) not in known
-            ]
+            named = itertools.chain(*convention.joints.values())
+            absent = [name for name in named if _plain(name) not in known]
             raise RecordingError(
-                f"{file}: by the convention {convention.name!r} there must be a thorax, and an "
-                f"upper arm with its forearm. The skeleton has no joint "
+                f"by the convention {convention.name!r} there must be a thorax, and an upper arm "
+                "with its forearm. The skeleton has no joint "
                 f"{', '.join(absent[:_SHOWN]) or 'that the convention lacks'}; found are "
                 f"{', '.join(found) or 'no segments'} among the joints {_listed(skeleton)}"
             )
@@ -137,26 +132,26 @@ def named_segments(
     fits, ambiguous = [], []
     for each in SKELETON_CONVENTIONS:
         try:
-            fits.append((each, _found(file, skeleton, each)))
+            found = _found(skeleton, each)
         except RecordingError as failure:
             ambiguous.append(failure)
-    fits = [(each, found) for each, found in fits if _fits(found)]
-    if not fits and ambiguous:
+        else:
+            fits += [(each, found)] if _fits(found) else []
+    if fits:
+        return max(fits, key=lambda fit: len(fit[1]))
+    if ambiguous:
         raise ambiguous[0]
-    if not fits:
-        raise RecordingError(
-            f"{file}: no known convention names the segments of this skeleton. Its joints are "
-            f"{_listed(skeleton)}. State which of them carry the thorax and an arm, such as "
-            "convention=SkeletonConvention('mine', {'thorax': 'Torso', 'right upper arm': 'RArm', "
-            "'right forearm': 'RElbow', 'right hand': 'RWrist'}), or in a JSON or TOML file "
-            "(--convention FILE)"
-        )
-    return max(fits, key=lambda fit: len(fit[1]))
+    raise RecordingError(
+        f"no known convention names the segments of this skeleton. Its joints are "
+        f"{_listed(skeleton)}. State which of them carry the thorax and an arm, such as "
+        "convention=SkeletonConvention('mine', {'thorax': 'Torso', 'right upper arm': 'RArm', "
+        "'right forearm': 'RElbow', 'right hand': 'RWrist'}), or in a JSON or TOML file "
+        "(--convention FILE)"
+    )
 
 
 def _fits(found: dict[str, int]) -> bool:
-    arms = [f"{side} forearm" in found for side in SIDES]
-    return "thorax" in found and any(arms)
+    return "thorax" in found and any(f"{side} forearm" in found for side in SIDES)
 
 
 def _listed(skeleton: Skeleton) -> str:
@@ -166,28 +161,25 @@ def _listed(skeleton: Skeleton) -> str:
 
 def _plain(name: str) -> str:
     """Return the name as it is compared: no namespace, case, spaces, hyphens or underscores."""
-    letters = name.rpartition(":")[2].lower()
-    return "".join(letter for letter in letters if letter not in " -_\t")
+    return re.sub(r"[ \t_-]", "", name.rpartition(":")[2].lower())
 
 
-def _found(file: Path, skeleton: Skeleton, convention: SkeletonConvention) -> dict[str, int]:
+def _found(skeleton: Skeleton, convention: SkeletonConvention) -> dict[str, int]:
     plain = [_plain(name) for name in skeleton.names]
 
-    def first(segment: str, above: int | None, below: list[int]) -> int | None:
-        """Return the best-named joint of the segment, under the joint `above` and over those
-        `below`.
-        """
+    def first(segment: str, above: int = -1, below: Iterable[int] = ()) -> int | None:
+        """Return the best-named joint of the segment, after the joint `above`, before `below`."""
         for name in convention.joints.get(segment, ()):
             matches = [
                 joint
                 for joint, given in enumerate(plain)
                 if given == _plain(name)
-                and (above is None or above in skeleton.path(joint)[:-1])
+                and above in [-1, *skeleton.path(joint)[:-1]]
                 and all(joint in skeleton.path(other)[:-1] for other in below)
             ]
             if len(matches) > 1:
                 raise RecordingError(
-                    f"{file}: {len(matches)} joints are named {name}, any of which may carry the "
+                    f"{len(matches)} joints are named {name}, any of which may carry the "
                     f"{segment}: their names must differ"
                 )
             if matches:
@@ -196,18 +188,16 @@ def _found(file: Path, skeleton: Skeleton, convention: SkeletonConvention) -> di
 
     found: dict[str, int] = {}
     for side in SIDES:
-        above: int | None = None
-        for segment in ("upper arm", "forearm", "hand"):
-            joint = first(f"{side} {segment}", above, [])
-            if joint is None:
+        above = -1
+        for segment in ARM:
+            if (joint := first(f"{side} {segment}", above)) is None:
                 break
             above = found[f"{side} {segment}"] = joint
         if f"{side} forearm" not in found:
             found.pop(f"{side} upper arm", None)
     below = [found[f"{side} upper arm"] for side in SIDES if f"{side} upper arm" in found]
-    for segment in ("thorax", "abdomen", "pelvis"):
-        joint = first(segment, None, below)
-        if joint is not None:
+    for segment in reversed(TRUNK):
+        if (joint := first(segment, below=below)) is not None:
             found[segment] = joint
             below = [joint]
     return found
@@ -222,15 +212,7 @@ _SHORTEST = 1e-9  # joints that are nearer are at one place, in any unit
 _ELBOW = 0.5
 
 
-def axis_vector(axis: str) -> Array:
-    """Return unit vector (3,) of an axis such as "-y"."""
-    vector: Array = np.eye(3)["xyz".index(axis[1])] * (1.0 if axis[0] == "+" else -1.0)
-    return vector
-
-
-def body_axes(
-    file: Path, convention: SkeletonConvention, segments: dict[str, int], positions: Array
-) -> Array:
+def body_axes(convention: SkeletonConvention, segments: dict[str, int], positions: Array) -> Array:
     """Return axes of the body in the rest pose, as columns (3, 3): x right, y forward, z up.
 
     Those of the convention, or those found from the rest pose: up is the axis of the file that
@@ -238,7 +220,6 @@ def body_axes(
     a rest pose that is the first frame the body faces any direction.
 
     Args:
-        file: for messages.
         convention: convention that may state up and forward.
         segments: joint by segment.
         positions: positions of all joints in the rest pose, (n, 3).
@@ -247,56 +228,44 @@ def body_axes(
         RecordingError: the rest pose does not show these axes.
     """
     if convention.up is not None and convention.forward is not None:
-        up, forward = axis_vector(convention.up), axis_vector(convention.forward)
+        up, forward = _axis(convention.up), _axis(convention.forward)
         return np.stack([np.cross(forward, up), forward, up], axis=1)
     pelvis = positions[segments.get("pelvis", segments.get("abdomen", 0))]
-    shoulders = [
-        positions[segments[f"{side} upper arm"]]
-        for side in SIDES
-        if f"{side} upper arm" in segments
-    ]
     chest = positions[segments["thorax"]]
-    if len(shoulders) == 2:
-        spine, across = 0.5 * (shoulders[0] + shoulders[1]) - pelvis, shoulders[0] - shoulders[1]
-    else:
-        sign = 1.0 if "right upper arm" in segments else -1.0
-        spine, across = chest - pelvis, sign * (shoulders[0] - chest)
-    up = _axis_along(file, "up", spine)
-    across = across - (across @ up) * up
-    if convention.rest == "zero":
-        right = _axis_along(file, "right", across)
-    else:
-        right = across / _length(file, "right", across)
-    return np.stack([right, np.cross(up, right), up], axis=1)
+    right, left = (
+        positions[segments[arm]] if arm in segments else chest
+        for arm in ("right upper arm", "left upper arm")
+    )
+    both = {"right upper arm", "left upper arm"} <= set(segments)
+    up = _axis_along("up", (0.5 * (right + left) if both else chest) - pelvis)
+    across = right - left
+    across = _axis_along("right", across - (across @ up) * up, convention.rest != "zero")
+    return np.stack([across, np.cross(up, across), up], axis=1)
 
 
-def _length(file: Path, what: str, vector: Array) -> float:
+def _axis(name: str) -> Array:
+    """Return unit vector (3,) of an axis such as "+y"."""
+    return direction(name.removeprefix("+"))
+
+
+def _axis_along(what: str, vector: Array, is_oblique: bool = False) -> Array:
+    """Return the axis of the file within 30 degrees of the vector, or the vector's direction."""
     length = float(np.linalg.norm(vector))
+    along = vector / max(length, _SHORTEST)
     if length < _SHORTEST:
-        raise RecordingError(f"{file}: {_unclear(what)}: the joints are at one place")
-    return length
-
-
-def _axis_along(file: Path, what: str, vector: Array) -> Array:
-    """Return the axis of the file within 30 degrees of the vector."""
-    direction = vector / _length(file, what, vector)
-    largest = int(np.argmax(np.abs(direction)))
-    if abs(direction[largest]) < _ALONG:
-        raise RecordingError(f"{file}: {_unclear(what)}: it is {direction.round(2).tolist()}")
-    axis: Array = np.eye(3)[largest] * np.sign(direction[largest])
-    return axis
-
-
-def _unclear(what: str) -> str:
-    return (
+        fault = "the joints are at one place"
+    elif not is_oblique and np.abs(along).max() < _ALONG:
+        fault = f"it is {along.round(2).tolist()}"
+    else:
+        return along if is_oblique else _axis(_name(along))
+    raise RecordingError(
         f"the rest pose (all joint angles zero) does not show which axis points {what}; state up, "
         "forward and, if the person stands upright in the first frame, rest='first frame' in a "
-        "SkeletonConvention"
+        f"SkeletonConvention: {fault}"
     )
 
 
 def neutral_frames(
-    file: Path,
     convention: SkeletonConvention,
     segments: dict[str, int],
     skeleton: Skeleton,
@@ -319,27 +288,23 @@ def neutral_frames(
     frames: dict[str, Array] = {}
     directions = {}
     for side in SIDES:
-        names = [f"{side} {name}" for name in ("upper arm", "forearm", "hand")]
+        names = [f"{side} {name}" for name in ARM]
         if names[1] not in segments:
             continue
         upper = _bone(segments[names[0]], segments[names[1]], skeleton, positions)
         lower = _bone(segments[names[1]], segments.get(names[2]), skeleton, positions)
         directions[side] = upper = upper @ body
         lower = lower @ body if np.any(lower) else upper
-        fault = (
-            "has no length"
-            if not np.any(upper)
-            else "points up"
-            if upper[2] > _UPWARDS
-            else "is folded"
-            if lower @ upper < -_UPWARDS
-            else ""
-        )
-        if fault:
+        faults = {
+            "has no length": not np.any(upper),
+            "points up": upper[2] > _UPWARDS,
+            "is folded": lower @ upper < -_UPWARDS,
+        }
+        if fault := next((each for each, is_so in faults.items() if is_so), None):
             raise RecordingError(
-                f"{file}: the {side} arm {fault} in the rest pose, which must be that of a person "
-                "who stands with straight arms; if that is the first frame, state rest='first "
-                "frame' in a SkeletonConvention"
+                f"the {side} arm {fault} in the rest pose, which must be that of a person who "
+                "stands with straight arms; if that is the first frame, state rest='first frame' "
+                "in a SkeletonConvention"
             )
         frames[names[0]] = _shortest(np.array([0.0, 0.0, -1.0]), upper)
         frames[names[1]] = frames[names[2]] = _shortest(upper, lower) @ frames[names[0]]
@@ -352,14 +317,13 @@ def neutral_frames(
                 twists[names[0]] = np.arctan(y / x) if x else np.pi / 2.0
         frames |= {name: frames[name] @ axis_rotation("z", twists[name]) for name in names}
     if len(directions) == 2:
-        mirrored = directions["left"] * [-1.0, 1.0, 1.0]
-        if directions["right"] @ mirrored < _ALONG:
+        right, left = directions["right"], directions["left"]
+        if right @ (left * [-1.0, 1.0, 1.0]) < _ALONG:
             raise RecordingError(
-                f"{file}: the arms do not mirror each other in the rest pose: the right one has "
-                f"the direction {directions['right'].round(2).tolist()} (right, forward, up), the "
-                f"left one {directions['left'].round(2).tolist()}; if the person stands upright "
-                "with straight arms in the first frame, state rest='first frame' in a "
-                "SkeletonConvention"
+                "the arms do not mirror each other in the rest pose: the right one has the "
+                f"direction {right.round(2).tolist()} (right, forward, up), the left one "
+                f"{left.round(2).tolist()}; if the person stands upright with straight arms in "
+                "the first frame, state rest='first frame' in a SkeletonConvention"
             )
     return frames
 
@@ -380,11 +344,8 @@ def _bone(start: int, end: int | None, skeleton: Skeleton, positions: Array) -> 
 
 def _shortest(start: Array, end: Array) -> Array:
     """Return matrix (3, 3) of the smallest rotation that takes one direction to another."""
-    axis = np.cross(start, end)
-    sine, cosine = np.linalg.norm(axis), start @ end
-    vector = axis * (np.arctan2(sine, cosine) / sine) if sine > 0.0 else np.zeros(3)
-    matrix: Array = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
-    return matrix
+    turn, _ = scipy.spatial.transform.Rotation.align_vectors(end, start)
+    return np.asarray(turn.as_matrix())
 
 
 _SHORTEST_ARM, _LONGEST_ARM = 0.2, 0.9  # [m] from shoulder to wrist, children included
@@ -393,10 +354,9 @@ _ALONG_ANOTHER, _NOT_UPRIGHT = 0.8, 0.5
 
 
 def skeleton_segments(
-    file: Path,
     motion: SkeletonMotion,
     convention: SkeletonConvention | None,
-    unit: float | None,
+    unit: float | None = None,
     subject: Subject | None = None,
     space_up: str | None = None,
 ) -> SegmentOrientations:
@@ -408,7 +368,6 @@ def skeleton_segments(
     forearm's pronation. Without a joint of its own the hand follows the forearm.
 
     Args:
-        file: for messages.
         motion: motion of the skeleton.
         convention: convention of names and axes; the known one that fits best by default.
         unit: metres per unit of length; without it, or with one arm only, the trunk's pose is not
@@ -422,31 +381,30 @@ def skeleton_segments(
             fit, an arm of implausible length, or a person who is upright along another axis.
     """
     if len(motion.time) < 2:
-        raise RecordingError(f"{file}: a motion needs two frames, there are {len(motion.time)}")
-    convention, segments = named_segments(file, motion.skeleton, convention)
+        raise RecordingError(f"a motion needs two frames, there are {len(motion.time)}")
+    convention, segments = named_segments(motion.skeleton, convention)
     moved = forward_kinematics(motion, segments.values())
     rest, positions = _rest_pose(motion, convention)
-    body = body_axes(file, convention, segments, positions)
+    body = body_axes(convention, segments, positions)
     hinges = {joint: rest[joint] @ axis for joint, axis in motion.skeleton.hinges.items()}
     resting = replace(motion.skeleton, hinges=hinges)
-    neutral = neutral_frames(file, convention, segments, resting, body, positions)
+    neutral = neutral_frames(convention, segments, resting, body, positions)
     turned = {
         segment: moved[joint][0] @ rest[joint].T @ body @ neutral.get(segment, np.eye(3))
         for segment, joint in segments.items()
     }
-    usual = body[:, 2] if space_up is None else axis_vector(space_up)
-    space = _space(file, convention.space_up, usual, body, turned["thorax"])
+    usual = body[:, 2] if space_up is None else _axis(space_up)
+    space = _space(convention.space_up, usual, body, turned["thorax"])
     rotations = {segment: space @ turned[segment] for segment in SEGMENTS if segment in turned}
+    trunk = None
     for side in SIDES:
         if f"{side} forearm" in rotations:
             _pronate(rotations, side)
-    trunk = None
-    shoulders = [segments.get(f"{side} upper arm") for side in SIDES]
     if unit is not None:
-        _check_lengths(file, segments, positions, unit)
-        ends = [moved[joint][1] for joint in shoulders if joint is not None]
-        if len(ends) == 2:
-            middle = 0.5 * unit * (ends[0] + ends[1]) @ space.T
+        _check_lengths(segments, positions, unit)
+        shoulders = {"right upper arm", "left upper arm"} & set(segments)
+        if len(shoulders) == 2:
+            middle = 0.5 * unit * sum(moved[segments[arm]][1] for arm in shoulders) @ space.T
             trunk = FrameMotion(rotations["thorax"], middle)
     return SegmentOrientations(motion.time, rotations, trunk, subject or Subject())
 
@@ -463,12 +421,11 @@ def _rest_pose(motion: SkeletonMotion, convention: SkeletonConvention) -> tuple[
 
     still = SkeletonMotion(skeleton, motion.time[:1], rotation, position)
     poses = forward_kinematics(still, range(len(skeleton.names)))
-    rotations = np.array([poses[joint][0][0] for joint in range(len(poses))])
-    positions = np.array([poses[joint][1][0] for joint in range(len(poses))])
+    rotations, positions = map(np.concatenate, zip(*poses.values(), strict=True))
     return rotations, positions
 
 
-def _space(file: Path, stated: str | None, usual: Array, body: Array, thorax: Array) -> Array:
+def _space(stated: str | None, usual: Array, body: Array, thorax: Array) -> Array:
     """Return rotation (3, 3) from the file's space to one with z up.
 
     Its horizontal axes are those of the body in the rest pose, if that has the same vertical axis.
@@ -476,15 +433,13 @@ def _space(file: Path, stated: str | None, usual: Array, body: Array, thorax: Ar
     Raises:
         RecordingError: no vertical axis is stated, and the usual one is not that of the thorax.
     """
-    vertical = usual if stated is None else axis_vector(stated)
+    vertical = usual if stated is None else _axis(stated)
     mean = np.mean(thorax[:, :, 2], axis=0)
-    largest = int(np.argmax(np.abs(mean)))
-    if stated is None and abs(mean[largest]) > _ALONG_ANOTHER and mean @ vertical < _NOT_UPRIGHT:
-        along = AXES[2 * largest + int(mean[largest] < 0.0)]
+    if stated is None and np.abs(mean).max() > _ALONG_ANOTHER and mean @ vertical < _NOT_UPRIGHT:
         raise RecordingError(
-            f"{file}: {_name(vertical)} should be vertical, but the thorax points along {along}: "
-            "is that the vertical axis of the recording, or does the person lie? State "
-            f"space_up={along!r} or {_name(vertical)!r} in a SkeletonConvention"
+            f"{_name(vertical)} should be vertical, but the thorax points along {_name(mean)}: is "
+            "that the vertical axis of the recording, or does the person lie? State "
+            f"space_up={_name(mean)!r} or {_name(vertical)!r} in a SkeletonConvention"
         )
     if np.allclose(vertical, body[:, 2]):
         return body.T
@@ -493,6 +448,7 @@ def _space(file: Path, stated: str | None, usual: Array, body: Array, thorax: Ar
 
 
 def _name(axis: Array) -> str:
+    """Return the name of the axis that is nearest to a vector (3,)."""
     largest = int(np.argmax(np.abs(axis)))
     return AXES[2 * largest + int(axis[largest] < 0.0)]
 
@@ -508,13 +464,13 @@ def _pronate(rotations: dict[str, Array], side: str) -> None:
     rotations[f"{side} forearm"] = forearm @ axis_rotation("z", pronation)
 
 
-def _check_lengths(file: Path, segments: dict[str, int], positions: Array, unit: float) -> None:
+def _check_lengths(segments: dict[str, int], positions: Array, unit: float) -> None:
     for side in SIDES:
         if f"{side} hand" in segments:
             ends = positions[segments[f"{side} hand"]] - positions[segments[f"{side} upper arm"]]
             length = unit * float(np.linalg.norm(ends))
             if not _SHORTEST_ARM < length < _LONGEST_ARM:
                 raise RecordingError(
-                    f"{file}: the {side} arm is {length:.3g} m long from shoulder to wrist: "
-                    "lengths have another unit than stated (argument unit)"
+                    f"the {side} arm is {length:.3g} m long from shoulder to wrist: lengths have "
+                    "another unit than stated (argument unit)"
                 )

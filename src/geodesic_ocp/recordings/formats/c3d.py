@@ -24,6 +24,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.units import LENGTHS
 from geodesic_ocp.trajectory.motion import Subject
@@ -66,10 +67,12 @@ class C3dHeader:
         values = self.parameters.get((group, name))
         return [value.strip(" \0") for value in values] if isinstance(values, list) else []
 
-    def numbers(self, group: str, name: str, count: int = 1) -> Array | None:
-        """Return at least `count` numbers of a parameter, or None."""
+    def number(self, group: str, name: str, words: int = 1) -> float | None:
+        """Return the number in the first words of 16 bits of a parameter, None without them."""
         values = self.parameters.get((group, name))
-        return None if values is None or isinstance(values, list) or len(values) < count else values
+        if values is None or isinstance(values, list) or len(values) < words:
+            return None
+        return float(np.array([1.0, 65536.0])[:words] @ values[:words])
 
     @property
     def frames(self) -> int:
@@ -77,16 +80,15 @@ class C3dHeader:
         count = self.last - self.first + 1
         if self.first <= self.last < _SATURATED:
             return count
-        start = self.numbers("TRIAL", "ACTUAL_START_FIELD", 2)
-        end = self.numbers("TRIAL", "ACTUAL_END_FIELD", 2)
+        start = self.number("TRIAL", "ACTUAL_START_FIELD", 2)
+        end = self.number("TRIAL", "ACTUAL_END_FIELD", 2)
         if start is not None and end is not None:
-            words = np.array([1.0, 65536.0])
-            return int(words @ end[:2] - words @ start[:2]) + 1
-        long = self.numbers("POINT", "LONG_FRAMES")
-        return int(long[0]) if long is not None and math.isfinite(long[0]) else count
+            return int(end - start) + 1
+        long = self.number("POINT", "LONG_FRAMES")
+        return int(long) if long is not None and math.isfinite(long) else count
 
 
-def read_c3d_header(file: Path, content: bytes) -> C3dHeader:
+def read_c3d_header(content: bytes) -> C3dHeader:
     """Return the header and the parameters of a c3d file.
 
     Raises:
@@ -96,22 +98,22 @@ def read_c3d_header(file: Path, content: bytes) -> C3dHeader:
     start = BLOCK * (block - 1)
     if block < 2 or start + 4 > size:
         raise RecordingError(
-            f"{file}: is cut off or broken: its {size} bytes have no block {block}, where the "
+            f"is cut off or broken: its {size} bytes have no block {block}, where the "
             "parameters should be"
         )
     processor = content[start + 3]
     if processor not in _ORDERS:
-        raise RecordingError(f"{file}: names a processor of unknown type {processor}")
+        raise RecordingError(f"names a processor of unknown type {processor}")
     order, is_dec = _ORDERS[processor], processor == _DEC
     points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
     (data,) = struct.unpack_from(f"{order}H", content, 16)
     scale, rate = (floats(content[at : at + 4], order, is_dec)[0] for at in (12, 20))
     if data <= block:
-        raise RecordingError(f"{file}: the header is broken: its data begin in block {data}")
+        raise RecordingError(f"the header is broken: its data begin in block {data}")
     for name, value in {"scale": scale, "rate": rate}.items():
         if not math.isfinite(value) or value == 0.0 or (name == "rate" and value < 0.0):
-            raise RecordingError(f"{file}: the header is broken: its {name} is {value:g}")
-    parameters = _parameters(file, content, start + 4, order, is_dec)
+            raise RecordingError(f"the header is broken: its {name} is {value:g}")
+    parameters = _parameters(content, start + 4, order, is_dec)
     return C3dHeader(
         order, is_dec, points, analog, first, last, scale, rate, BLOCK * (data - 1), parameters
     )
@@ -129,7 +131,7 @@ def floats(content: bytes, order: str, is_dec: bool) -> Array:
 
 
 def _parameters(
-    file: Path, content: bytes, at: int, order: str, is_dec: bool
+    content: bytes, at: int, order: str, is_dec: bool
 ) -> dict[tuple[str, str], Array | list[str]]:
     """Follow the chain of groups and parameters to its end, within the file."""
     groups: dict[int, str] = {}
@@ -151,11 +153,11 @@ def _parameters(
             values[group, name], end = _values(content, offset_at + 2, order, is_dec)
         if end is None or end > len(content) or (offset > 0 and offset_at + offset < end):
             raise RecordingError(
-                f"{file}: the parameters are broken: {name!r} at byte {at} does not end where the "
+                f"the parameters are broken: {name!r} at byte {at} does not end where the "
                 "next one begins"
             )
         at = offset_at + offset if offset > 0 else end
-    raise RecordingError(f"{file}: is cut off or broken: the parameters at byte {at} do not end")
+    raise RecordingError(f"is cut off or broken: the parameters at byte {at} do not end")
 
 
 def _values(
@@ -190,65 +192,59 @@ def read_c3d(file: Path) -> Markers:
     Raises:
         RecordingError: the file is broken or cut off, has no markers, or gives no known unit.
     """
-    content = file.read_bytes()
-    header = read_c3d_header(file, content)
-    if header.points == 0:
-        analog = ", only analog data" if header.analog else ""
-        raise RecordingError(f"{file}: has no markers{analog}")
-    _check_counts(file, header, len(content))
-    units = header.strings("POINT", "UNITS")
-    unit = units[0] if units else ""
-    if unit.lower() not in LENGTHS:
-        raise RecordingError(f"{file}: POINT:UNITS must be m, cm or mm, is {unit!r}")
-    labels = _labels(header)[: header.points]
-    others = {name for kind in _NO_POSITIONS for name in header.strings("POINT", kind)}
-    kept = [
-        index
-        for index, label in enumerate(labels)
-        if label and not label.startswith("*") and label not in others
-    ]
-    if not kept:
-        raise RecordingError(f"{file}: none of its {header.points} points has a marker's label")
-    names, subject = _without_prefix([labels[index] for index in kept])
-    subjects = header.strings("SUBJECTS", "NAMES")
-    points = _points(header, content)[:, kept]
-    positions, residuals = points[:, :, :3], points[:, :, 3]
-    missing = (residuals < 0.0) | ((residuals == 0.0) & np.all(positions == 0.0, axis=2))
-    positions = np.where(missing[:, :, None], np.nan, LENGTHS[unit.lower()] * positions)
-    time = np.arange(header.frames) / header.rate
-    try:
+    with named_failures(file):
+        content = file.read_bytes()
+        header = read_c3d_header(content)
+        if header.points == 0:
+            analog = ", only analog data" if header.analog else ""
+            raise RecordingError(f"has no markers{analog}")
+        _check_counts(header, len(content))
+        unit = next(iter(header.strings("POINT", "UNITS")), "")
+        if unit.lower() not in LENGTHS:
+            raise RecordingError(f"POINT:UNITS must be m, cm or mm, is {unit!r}")
+        others = {name for kind in _NO_POSITIONS for name in header.strings("POINT", kind)}
+        labels = {
+            index: label
+            for index, label in enumerate(_labels(header)[: header.points])
+            if label and not label.startswith("*") and label not in others
+        }
+        if not labels:
+            raise RecordingError(f"none of its {header.points} points has a marker's label")
+        names, subject = _without_prefix(list(labels.values()))
+        subjects = header.strings("SUBJECTS", "NAMES")
+        points = _points(header, content)[:, list(labels)]
+        positions, residuals = points[:, :, :3], points[:, :, 3]
+        missing = (residuals < 0.0) | ((residuals == 0.0) & np.all(positions == 0.0, axis=2))
+        positions = np.where(missing[:, :, None], np.nan, LENGTHS[unit.lower()] * positions)
+        time = np.arange(header.frames) / header.rate
         person = Subject(name=subjects[0] if len(subjects) == 1 else subject)
         return Markers(time, tuple(names), positions, person)
-    except ValueError as failure:
-        raise RecordingError(f"{file}: {failure}") from None
 
 
-def _check_counts(file: Path, header: C3dHeader, size: int) -> None:
+def _check_counts(header: C3dHeader, size: int) -> None:
     """RecordingError if header and parameters differ, or count more frames than there are."""
-    used, rate = header.numbers("POINT", "USED"), header.numbers("POINT", "RATE")
-    if used is not None and used[0] != header.points:
+    for what, count, name in (
+        ("points", header.points, "USED"),
+        ("frames", header.frames, "FRAMES"),
+    ):
+        stated = header.number("POINT", name)
+        if stated is not None and count < _SATURATED and stated != count:
+            raise RecordingError(
+                f"is broken: the header counts {count} {what}, POINT:{name} {stated:g}"
+            )
+    rate = header.number("POINT", "RATE")
+    if rate is not None and not abs(rate - header.rate) <= _SAME_RATE * header.rate:
         raise RecordingError(
-            f"{file}: is broken: the header counts {header.points} points, POINT:USED {used[0]:g}"
-        )
-    if rate is not None and not abs(rate[0] - header.rate) <= _SAME_RATE * header.rate:
-        raise RecordingError(
-            f"{file}: is broken: the rate is {header.rate:g} Hz in the header, {rate[0]:g} Hz in "
-            "POINT:RATE"
-        )
-    counted = header.numbers("POINT", "FRAMES")
-    if counted is not None and header.frames < 65535 and counted[0] != header.frames:
-        raise RecordingError(
-            f"{file}: is broken: the header counts {header.frames} frames, POINT:FRAMES "
-            f"{counted[0]:g}"
+            f"is broken: the rate is {header.rate:g} Hz in the header, {rate:g} Hz in POINT:RATE"
         )
     held = max(size - header.data, 0) // _frame_size(header)
     if header.frames < 1:
         raise RecordingError(
-            f"{file}: the header is broken: it counts frames {header.first} to {header.last}"
+            f"the header is broken: it counts frames {header.first} to {header.last}"
         )
     if header.frames > held:
         raise RecordingError(
-            f"{file}: is cut off: the header counts {header.frames} frames, there are {held}"
+            f"is cut off: the header counts {header.frames} frames, there are {held}"
         )
 
 

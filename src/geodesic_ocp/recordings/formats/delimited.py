@@ -34,7 +34,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.text_lines import read_lines
+from geodesic_ocp.recordings.formats.text_lines import named_failures, read_lines
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
 from geodesic_ocp.recordings.units import ANGLES, LENGTHS
@@ -50,13 +50,11 @@ class Rows:
     """Cells of a table as text.
 
     Attributes:
-        file: from which they were read.
         names: names of the columns.
         cells: one list of as many entries for each row.
         lines: number of the line of each row.
     """
 
-    file: Path
     names: tuple[str, ...]
     cells: list[list[str]]
     lines: list[int]
@@ -79,7 +77,7 @@ class Rows:
             [
                 math.nan
                 if missing and row[index].lower() in _MISSING
-                else _finite_number(f"{self.file}: line {line}", self.names[index], row[index])
+                else _finite_number(f"line {line}", self.names[index], row[index])
                 for index in indices
             ]
             for row, line in zip(self.cells, self.lines, strict=True)
@@ -106,7 +104,6 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 
 def _read_rows(
-    file: Path,
     lines: Sequence[str],
     start: int,
     names: Sequence[str],
@@ -118,7 +115,7 @@ def _read_rows(
     Raises:
         RecordingError: a row of another length than the names; the message names the line.
     """
-    found = Rows(file, tuple(names), [], [])
+    found = Rows(tuple(names), [], [])
     for number, line in enumerate(lines[start:], start + 1):
         if line.strip(" \t" if separator == "," else " ,\t"):
             entries = _split(line, separator)
@@ -127,7 +124,7 @@ def _read_rows(
                     entries.pop()
             if len(entries) != len(names):
                 count = expected.format(len(names))
-                raise RecordingError(f"{file}: line {number} has {len(entries)} entries, {count}")
+                raise RecordingError(f"line {number} has {len(entries)} entries, {count}")
             found.cells.append(entries)
             found.lines.append(number)
     return found
@@ -170,28 +167,26 @@ def _read_csv(
         key, value = key.strip().lower(), value.strip().rstrip(",; \t")
         known = key in ("unit", "height", "mass", "subject")
         if colon and notes.setdefault(key, value) != value and known:
-            raise RecordingError(
-                f"{file}: line {first + 1} gives the {key} again, with another value"
-            )
+            raise RecordingError(f"line {first + 1} gives the {key} again, with another value")
         first += 1
     if first == len(lines):
-        raise RecordingError(f"{file}: has no header with the names of columns")
+        raise RecordingError("has no header with the names of columns")
     unit = notes.get("unit", "")
     if unit.lower() not in units:
         raise RecordingError(
-            f"{file}: a line '# unit: {examples[0]}' or '# unit: {examples[1]}' must precede the "
-            f"header{f', not {unit[:40]!r}' if unit else ''}"
+            f"a line '# unit: {examples[0]}' or '# unit: {examples[1]}' must precede the header"
+            + (f", not {unit[:40]!r}" if unit else "")
         )
     names = _split(lines[first], ",")
     if "time" not in names or len(names) < 2:
         raise RecordingError(
-            f"{file}: line {first + 1} must be a header with 'time' and names of columns, "
+            f"line {first + 1} must be a header with 'time' and names of columns, "
             f"is {lines[first][:60]!r}" + _hint(lines[first], names)
         )
-    _check_names(f"{file}: the header", names)
-    height, mass = (_positive_number(file, notes, key) for key in ("height", "mass"))
+    _check_names("the header", names)
+    height, mass = (_positive_number(notes, key) for key in ("height", "mass"))
     subject = Subject(height, mass, notes.get("subject", ""))
-    return _read_rows(file, lines, first + 1, names, ","), units[unit.lower()], subject
+    return _read_rows(lines, first + 1, names, ","), units[unit.lower()], subject
 
 
 def _hint(line: str, names: Sequence[str]) -> str:
@@ -202,7 +197,7 @@ def _hint(line: str, names: Sequence[str]) -> str:
     return f"; if {like!r} is the time in seconds, name it time" if like is not None else ""
 
 
-def _positive_number(file: Path, notes: Mapping[str, str], key: str) -> float | None:
+def _positive_number(notes: Mapping[str, str], key: str) -> float | None:
     if key not in notes:
         return None
     try:
@@ -210,7 +205,7 @@ def _positive_number(file: Path, notes: Mapping[str, str], key: str) -> float | 
     except ValueError:
         number = np.nan
     if not np.isfinite(number) or number <= 0.0:
-        raise RecordingError(f"{file}: '# {key}: {notes[key][:40]}' must be a positive number")
+        raise RecordingError(f"'# {key}: {notes[key][:40]}' must be a positive number")
     return number
 
 
@@ -221,20 +216,18 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
         RecordingError: no unit or header, a missing joint, a row of the wrong length, or an entry
             that is not a finite number; the message names the line.
     """
-    rows, scale, subject = _read_csv(file, ANGLES, ("rad", "deg"))
-    others = [name for name in rows.names if name != "time"]
-    wanted = list(joints) if joints is not None else others
-    if missing := [name for name in wanted if name not in others]:
-        raise RecordingError(
-            f"{file}: there is no joint {', '.join(missing)}; there are {', '.join(others)}"
-        )
-    values = rows.columns(["time", *wanted])
-    if scale != 1.0:
-        ask_about_degrees(str(file), values[:, 1:])
-    try:
+    with named_failures(file):
+        rows, scale, subject = _read_csv(file, ANGLES, ("rad", "deg"))
+        others = [name for name in rows.names if name != "time"]
+        wanted = list(joints) if joints is not None else others
+        if missing := [name for name in wanted if name not in others]:
+            raise RecordingError(
+                f"there is no joint {', '.join(missing)}; there are {', '.join(others)}"
+            )
+        values = rows.columns(["time", *wanted])
+        if scale != 1.0:
+            ask_about_degrees(str(file), values[:, 1:])
         return Motion(values[:, 0], scale * values[:, 1:], tuple(wanted), subject=subject)
-    except ValueError as failure:
-        raise RecordingError(f"{file}: {failure}") from None
 
 
 def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
@@ -267,23 +260,15 @@ def read_marker_table(file: Path) -> Markers:
         RecordingError: no unit, header or marker, a row of the wrong length, or an entry that is
             not a finite number; the message names the line.
     """
-    rows, scale, subject = _read_csv(file, LENGTHS, ("mm", "m"))
-    names = [name.removesuffix("_x") for name in rows.names if name.endswith("_x")]
-    names = [name for name in names if {f"{name}_y", f"{name}_z"} <= set(rows.names)]
-    if not names:
-        raise RecordingError(f"{file}: the header names no marker by NAME_x, NAME_y, NAME_z")
-    positions = rows.columns([f"{name}_{axis}" for name in names for axis in "xyz"], missing=True)
-    return _markers(file, rows.columns(["time"]), names, scale * positions, subject)
-
-
-def _markers(
-    file: Path, time: Array, names: Sequence[str], positions: Array, subject: Subject
-) -> Markers:
-    try:
-        shape = (len(time), len(names), 3)
-        return Markers(time[:, 0], tuple(names), positions.reshape(shape), subject)
-    except ValueError as failure:
-        raise RecordingError(f"{file}: {failure}") from None
+    with named_failures(file):
+        rows, scale, subject = _read_csv(file, LENGTHS, ("mm", "m"))
+        names = [name.removesuffix("_x") for name in rows.names if name.endswith("_x")]
+        names = [name for name in names if {f"{name}_y", f"{name}_z"} <= set(rows.names)]
+        if not names:
+            raise RecordingError("the header names no marker by NAME_x, NAME_y, NAME_z")
+        cells = rows.columns([f"{name}_{axis}" for name in names for axis in "xyz"], missing=True)
+        positions = scale * cells.reshape(-1, len(names), 3)
+        return Markers(rows.columns(["time"])[:, 0], tuple(names), positions, subject)
 
 
 def read_trc(file: Path) -> Markers:
@@ -293,46 +278,48 @@ def read_trc(file: Path) -> Markers:
         RecordingError: the header is incomplete or its unit unknown, or a row is too short, too
             long or not of numbers; the message names the line.
     """
-    lines = "\n".join(read_lines(file)).splitlines()
-    if len(lines) < 5:
-        raise RecordingError(f"{file}: is cut off after {len(lines)} lines, within the header")
-    keys, values, cells = (_split(line, _trc_separator(line)) for line in lines[1:4])
-    header = dict(zip(keys, values, strict=False))
-    unit = header.get("Units", "")
-    if unit.lower() not in LENGTHS:
-        raise RecordingError(f"{file}: line 3 must give Units m, cm or mm, not {unit[:40]!r}")
-    if len(cells) < 3 or cells[0].lower().rstrip("#") != "frame" or cells[1].lower() != "time":
-        raise RecordingError(
-            f"{file}: line 4 must name Frame#, Time and the markers, is {lines[3][:60]!r}"
-        )
-    named = [(index, name) for index, name in enumerate(cells) if index >= 2 and name]
-    names = [name for _, name in named]
-    if not named:
-        raise RecordingError(f"{file}: line 4 names no markers")
-    _check_names(f"{file}: line 4", names)
-    apart = all((index - 2) % 3 == 0 for index, _ in named) and len(cells) > len(names) + 2
-    if not apart and any(index != place for place, (index, _) in enumerate(named, start=2)):
-        raise RecordingError(f"{file}: line 4: the names of markers must be three columns apart")
-    starts = [index if apart else 2 + 3 * place for place, (index, _) in enumerate(named)]
-    columns = ["frame", "the time", *(max(starts) + 1) * [""]]
-    for name, index in zip(names, starts, strict=True):
-        columns[index : index + 3] = 3 * [name]
-    first = 4
-    while first < len(lines) and _is_axes(lines[first]):
-        first += 1
-    expected = f"{{}} are needed for frame, time and {len(names)} markers"
-    separator = _trc_separator(lines[first]) if first < len(lines) else None
-    rows = _read_rows(file, lines, first, columns, separator, expected)
-    _compare(file, header, "NumFrames", "frames", len(rows.cells))
-    _compare(file, header, "NumMarkers", "markers", len(names))
-    indices = [index + k for index in starts for k in range(3)]
-    positions = rows.at(indices, missing=True).reshape(-1, len(names), 3)
-    some = np.isnan(positions).any(axis=2) & ~np.isnan(positions).all(axis=2)
-    for row, marker in np.argwhere(some)[:1].tolist():
-        where = f"{file}: line {rows.lines[row]}"
-        raise RecordingError(f"{where}: {names[marker]} has some of its three coordinates only")
-    positions[np.all(positions == 0.0, axis=2)] = np.nan
-    return _markers(file, rows.at([1]), names, LENGTHS[unit.lower()] * positions, Subject())
+    with named_failures(file):
+        lines = "\n".join(read_lines(file)).splitlines()
+        if len(lines) < 5:
+            raise RecordingError(f"is cut off after {len(lines)} lines, within the header")
+        keys, values, cells = (_split(line, _trc_separator(line)) for line in lines[1:4])
+        header = dict(zip(keys, values, strict=False))
+        unit = header.get("Units", "")
+        if unit.lower() not in LENGTHS:
+            raise RecordingError(f"line 3 must give Units m, cm or mm, not {unit[:40]!r}")
+        if len(cells) < 3 or cells[0].lower().rstrip("#") != "frame" or cells[1].lower() != "time":
+            raise RecordingError(
+                f"line 4 must name Frame#, Time and the markers, is {lines[3][:60]!r}"
+            )
+        named = [(index, name) for index, name in enumerate(cells) if index >= 2 and name]
+        names = [name for _, name in named]
+        if not named:
+            raise RecordingError("line 4 names no markers")
+        _check_names("line 4", names)
+        apart = all((index - 2) % 3 == 0 for index, _ in named) and len(cells) > len(names) + 2
+        if not apart and any(index != place for place, (index, _) in enumerate(named, start=2)):
+            raise RecordingError("line 4: the names of markers must be three columns apart")
+        starts = [index if apart else 2 + 3 * place for place, (index, _) in enumerate(named)]
+        columns = ["frame", "the time", *(max(starts) + 1) * [""]]
+        for name, index in zip(names, starts, strict=True):
+            columns[index : index + 3] = 3 * [name]
+        first = 4
+        while first < len(lines) and _is_axes(lines[first]):
+            first += 1
+        expected = f"{{}} are needed for frame, time and {len(names)} markers"
+        separator = _trc_separator(lines[first]) if first < len(lines) else None
+        rows = _read_rows(lines, first, columns, separator, expected)
+        _compare(file, header, "NumFrames", "frames", len(rows.cells))
+        _compare(file, header, "NumMarkers", "markers", len(names))
+        indices = [index + k for index in starts for k in range(3)]
+        positions = rows.at(indices, missing=True).reshape(-1, len(names), 3)
+        some = np.isnan(positions).any(axis=2) & ~np.isnan(positions).all(axis=2)
+        for row, marker in np.argwhere(some)[:1].tolist():
+            raise RecordingError(
+                f"line {rows.lines[row]}: {names[marker]} has some of its three coordinates only"
+            )
+        positions[np.all(positions == 0.0, axis=2)] = np.nan
+        return Markers(rows.at([1])[:, 0], tuple(names), LENGTHS[unit.lower()] * positions)
 
 
 def _trc_separator(line: str) -> str | None:
@@ -348,30 +335,12 @@ _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
 _STATE = re.compile(r"/jointset/[^/]+/(?P<coordinate>[^/]+)/(?P<kind>value|speed)$")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class CoordinateTable:
-    """Joint coordinates over time.
-
-    Attributes:
-        time: (k,) [s].
-        names: names of the n coordinates.
-        values: (k, n) [rad, or m for translations].
-    """
-
-    time: Array
-    names: tuple[str, ...]
-    values: Array
-
-    def __repr__(self) -> str:
-        return f"CoordinateTable({len(self.time)} samples of {len(self.names)} coordinates)"
-
-
 def is_translation(name: str) -> bool:
     """Return whether a coordinate of this name is a length, such as pelvis_tx or box_transX."""
     return _TRANSLATION.search(name) is not None
 
 
-def read_coordinates(file: Path, translations: Iterable[str] = ()) -> CoordinateTable:
+def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
     """Read all coordinates of a .mot or .sto file.
 
     A header whose nRows or nColumns is not what follows gives a RuntimeWarning.
@@ -381,46 +350,49 @@ def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Coordinate
         translations: names of coordinates in metres, beside those that `is_translation` knows.
 
     Raises:
-        RecordingError: no header, no unit of the angles, or a broken row; names the line.
-        ValueError: angles that should be in radians look like degrees.
+        RecordingError: no header, no unit of the angles, a broken row, or angles that should be in
+            radians look like degrees; names the line.
     """
-    lines = file.read_text(encoding="utf-8-sig").splitlines()
-    header, first = _opensim_header(file, lines)
-    factor = _radians(file, header)
-    while first < len(lines) and not lines[first].strip(" ,\t"):
-        first += 1
-    if first == len(lines):
-        raise RecordingError(f"{file}: no line with the names of columns follows endheader")
-    separator = next((each for each in "\t," if each in lines[first]), None)
-    labels = _split(lines[first].rstrip(" ,\t"), separator)
-    if labels[0].lower() != "time" or len(labels) < 2:
-        raise RecordingError(
-            f"{file}: line {first + 1} must name the columns, time first, is {lines[first][:60]!r}"
-        )
-    if not all(labels):
-        raise RecordingError(f"{file}: line {first + 1}: column {labels.index('') + 1} has no name")
-    states = [_STATE.search(label) for label in labels]
-    is_coordinate = [state is None or state["kind"] == "value" for state in states]
-    if any(states):  # a file of states also has muscles' states, which are no coordinates
-        is_coordinate = [state is not None and state["kind"] == "value" for state in states]
-    kept = [k for k, each in enumerate(is_coordinate) if k and each]
-    names = [labels[k] if (state := states[k]) is None else state["coordinate"] for k in kept]
-    _check_names(f"{file}: line {first + 1}", names)
-    rows = _read_rows(file, lines, first + 1, labels, separator, "the names of columns {}")
-    _compare(file, header, "nrows", "rows", len(rows.cells))
-    _compare(file, header, "ncolumns", "columns", len(labels))
-    values = rows.at(range(len(labels)))
-    lengths = np.array([is_translation(name) or name in translations for name in names])
-    kept_values = values[:, kept].reshape(len(values), len(names))
-    if factor == 1.0:
-        angles = [name for name, length in zip(names, lengths, strict=True) if not length]
-        check_radians(angles, kept_values[:, ~lengths])
-    else:
-        ask_about_degrees(str(file), kept_values[:, ~lengths])
-    return CoordinateTable(values[:, 0], tuple(names), kept_values * np.where(lengths, 1.0, factor))
+    with named_failures(file):
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        header, first = _opensim_header(lines)
+        factor = _radians(header)
+        while first < len(lines) and not lines[first].strip(" ,\t"):
+            first += 1
+        if first == len(lines):
+            raise RecordingError("no line with the names of columns follows endheader")
+        separator = next((each for each in "\t," if each in lines[first]), None)
+        labels = _split(lines[first].rstrip(" ,\t"), separator)
+        if labels[0].lower() != "time" or len(labels) < 2:
+            raise RecordingError(
+                f"line {first + 1} must name the columns, time first, is {lines[first][:60]!r}"
+            )
+        if not all(labels):
+            raise RecordingError(f"line {first + 1}: column {labels.index('') + 1} has no name")
+        states = [_STATE.search(label) for label in labels]
+        is_coordinate = [state is None or state["kind"] == "value" for state in states]
+        if any(states):  # a file of states also has muscles' states, which are no coordinates
+            is_coordinate = [state is not None and state["kind"] == "value" for state in states]
+        kept = [k for k, each in enumerate(is_coordinate) if k and each]
+        names = [labels[k] if (state := states[k]) is None else state["coordinate"] for k in kept]
+        _check_names(f"line {first + 1}", names)
+        rows = _read_rows(lines, first + 1, labels, separator, "the names of columns {}")
+        _compare(file, header, "nrows", "rows", len(rows.cells))
+        _compare(file, header, "ncolumns", "columns", len(labels))
+        values = rows.at(range(len(labels)))
+        q = values[:, kept].reshape(len(values), len(names))
+        angles = [
+            k for k, each in enumerate(names) if not (is_translation(each) or each in translations)
+        ]
+        if factor == 1.0:
+            check_radians([names[k] for k in angles], q[:, angles])
+        else:
+            ask_about_degrees(str(file), q[:, angles])
+        q[:, angles] *= factor
+        return Motion(values[:, 0], q, tuple(names))
 
 
-def _opensim_header(file: Path, lines: Sequence[str]) -> tuple[dict[str, str], int]:
+def _opensim_header(lines: Sequence[str]) -> tuple[dict[str, str], int]:
     """Return keys (in lower case) and values before endheader, and the index after it."""
     header: dict[str, str] = {}
     for number, line in enumerate(lines):
@@ -430,17 +402,15 @@ def _opensim_header(file: Path, lines: Sequence[str]) -> tuple[dict[str, str], i
         key, equals, value = text.partition("=")
         if equals:
             header[key.strip().lower()] = value.strip()
-    raise RecordingError(f"{file}: no line 'endheader' ends the header")
+    raise RecordingError("no line 'endheader' ends the header")
 
 
-def _radians(file: Path, header: Mapping[str, str]) -> float:
+def _radians(header: Mapping[str, str]) -> float:
     kind = header.get("datatype", "double").lower()
     if kind != "double":
-        raise RecordingError(
-            f"{file}: its DataType is {kind}; joint coordinates are of type double"
-        )
+        raise RecordingError(f"its DataType is {kind}; joint coordinates are of type double")
     degrees = header.get("indegrees", "").lower()
     if degrees not in ("yes", "no"):
         given = f", not 'inDegrees={degrees}'" if degrees else ""
-        raise RecordingError(f"{file}: its header must have inDegrees=yes or inDegrees=no{given}")
+        raise RecordingError(f"its header must have inDegrees=yes or inDegrees=no{given}")
     return np.pi / 180.0 if degrees == "yes" else 1.0

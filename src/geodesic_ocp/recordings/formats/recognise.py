@@ -73,15 +73,27 @@ def _without_comments(lines: list[str]) -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
+def _is_xml(lines: list[str]) -> bool:
+    return lines[0].startswith("<")
+
+
+def _is_trc(lines: list[str]) -> bool:
+    return lines[0].lower().startswith("pathfiletype")
+
+
+def _is_bvh(lines: list[str]) -> bool:
+    return lines[0].split()[0].upper() == "HIERARCHY"
+
+
 def _is_acclaim(lines: list[str]) -> bool:
     """Return whether it is a motion (.amc), or the skeleton (.asf) that belongs to one."""
     words = (":version", ":root", ":bonedata", ":units", ":fully-specified", ":degrees", ":radians")
-    first = _without_comments(lines)[:1]
-    if lines[0].lower().startswith("#!oml:") or first[:1] == ["1"]:
-        return lines[0].lower().startswith("#!oml:") or any(
-            line.lower().startswith("root ") for line in _without_comments(lines)[:3]
-        )
-    return any(line.lower().startswith(words) for line in first)
+    if lines[0].lower().startswith("#!oml:"):
+        return True
+    plain = [line.lower() for line in _without_comments(lines)[:3]]
+    if plain[:1] == ["1"]:
+        return any(line.startswith("root ") for line in plain)
+    return any(line.startswith(words) for line in plain[:1])
 
 
 def _is_opensim(lines: list[str]) -> bool:
@@ -118,12 +130,6 @@ def _columns(lines: list[str]) -> set[str]:
     return {name.strip(" \t\"'") for name in re.split(r"[,;\t]", first)}
 
 
-def _never(lines: list[str]) -> bool:
-    """Return False: the format is told by its first bytes."""
-    del lines
-    return False
-
-
 @dataclass(frozen=True)
 class Format:
     """A format of recordings.
@@ -132,16 +138,17 @@ class Format:
         label: name in messages.
         content: "angles" (a Motion), "segments" (SegmentOrientations) or "markers" (Markers).
         module, function: the reader, imported when a file of the format is read.
-        is_format: whether the lines of a text file, stripped and not empty, are of the format.
         arguments: arguments of `read_recording` that apply to it.
+        is_format: whether the lines of a text file, stripped and not empty, are of the format;
+            formats without it are told by their first bytes.
     """
 
     label: str
     content: Literal["angles", "segments", "markers"]
     module: str
     function: str
-    is_format: Callable[[list[str]], bool]
     arguments: tuple[str, ...] = ()
+    is_format: Callable[[list[str]], bool] = lambda lines: False
 
     def read(self, file: Path, *args: Any, **kwargs: Any) -> Any:
         """Read a file of this format."""
@@ -153,43 +160,24 @@ _SKELETON = ("convention", "skeleton", "rate", "unit")
 _MARKERS = ("up", "marker_set")
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
-    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", lambda lines: lines[0].startswith("<")),
-    "trc": Format(
-        "TRC",
-        "markers",
-        "delimited",
-        "read_trc",
-        lambda lines: lines[0].lower().startswith("pathfiletype"),
-        _MARKERS,
-    ),
-    "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _is_acclaim, _SKELETON),
-    "bvh": Format(
-        "BVH",
-        "segments",
-        "bvh",
-        "read_bvh",
-        lambda lines: lines[0].split()[0].upper() == "HIERARCHY",
-        ("convention", "unit"),
-    ),
+    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_xml),
+    "trc": Format("TRC", "markers", "delimited", "read_trc", _MARKERS, _is_trc),
+    "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _SKELETON, _is_acclaim),
+    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit"), _is_bvh),
     "opensim": Format(
-        "OpenSim .mot and .sto",
-        "angles",
-        "opensim",
-        "read_opensim",
-        _is_opensim,
-        ("convention",),
+        "OpenSim .mot and .sto", "angles", "opensim", "read_opensim", ("convention",), _is_opensim
     ),
     "marker table": Format(
         "a table of markers (CSV)",
         "markers",
         "delimited",
         "read_marker_table",
-        _is_marker_table,
         _MARKERS,
+        _is_marker_table,
     ),
-    "table": Format("a table (CSV)", "angles", "delimited", "read_table", _is_table),
-    "c3d": Format("c3d", "markers", "c3d", "read_c3d", _never, _MARKERS),
-    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", _never, ("convention",)),
+    "table": Format("a table (CSV)", "angles", "delimited", "read_table", (), _is_table),
+    "c3d": Format("c3d", "markers", "c3d", "read_c3d", _MARKERS),
+    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention",)),
 }
 
 

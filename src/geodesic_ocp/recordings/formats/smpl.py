@@ -10,7 +10,6 @@ no positions here.
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +28,7 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     SkeletonMotion,
     skeleton_segments,
 )
+from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.records import read_arrays
 
 # Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
@@ -80,20 +80,25 @@ def read_smpl(
         RecordingError: the file is no such archive, an array is missing, of another shape or not
             finite, or the person is upright along another axis.
     """
-    chosen = as_skeleton_convention(convention) or SMPL
-    arrays = _arrays(file)
+    with named_failures(file):
+        chosen = as_skeleton_convention(convention) or SMPL
+        motion = _motion(_arrays(file))
+        return skeleton_segments(motion, chosen, space_up="+z")
+
+
+def _motion(arrays: dict[str, Array]) -> SkeletonMotion:
     poses, rate = arrays["poses"], float(arrays["rate"])
     if poses.ndim != 2 or poses.shape[1] not in _WIDTHS:
         raise RecordingError(
-            f"{file}: 'poses' must have 66, 72, 156 or 165 columns (the body, SMPL, SMPL-H, "
-            f"SMPL-X), has the shape {poses.shape}"
+            "'poses' must have 66, 72, 156 or 165 columns (the body, SMPL, SMPL-H, SMPL-X), has "
+            f"the shape {poses.shape}"
         )
     bad = np.argwhere(~(np.abs(poses) < _LARGEST))
     if len(bad):
         frame, column = bad[0]
-        raise RecordingError(f"{file}: 'poses' is {poses[frame, column]} in frame {frame}")
+        raise RecordingError(f"'poses' is {poses[frame, column]} in frame {frame}")
     if not _SLOWEST < rate < _FASTEST:
-        raise RecordingError(f"{file}: the rate of the recording is {rate} Hz")
+        raise RecordingError(f"the rate of the recording is {rate} Hz")
     names, parents, offsets = zip(*_JOINTS, strict=True)
     skeleton = Skeleton(names, parents, np.array(offsets, dtype=float))
 
@@ -102,22 +107,18 @@ def read_smpl(
         result: Array = scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
         return result
 
-    def position(joint: int) -> Array:
-        offset: Array = skeleton.offsets[joint]
-        return offset
-
-    motion = SkeletonMotion(skeleton, np.arange(len(poses)) / rate, rotation, position)
-    return skeleton_segments(file, motion, chosen, None, space_up="+z")
+    time = np.arange(len(poses)) / rate
+    return SkeletonMotion(skeleton, time, rotation, skeleton.offsets.__getitem__)
 
 
 def _arrays(file: Path) -> dict[str, Array]:
     """Return the arrays "poses" and "rate" as floats."""
     arrays = {}
-    for key, array in read_arrays(file, partial(_needed, file)).items():
+    for key, array in read_arrays(file, _needed).items():
         name = "rate" if key in _RATES else key
         if array.dtype.kind not in "fiu" or (name == "rate" and array.size != 1):
             raise RecordingError(
-                f"{file}: {key!r} must be {'a number' if name == 'rate' else 'numbers'}, is "
+                f"{key!r} must be {'a number' if name == 'rate' else 'numbers'}, is "
                 f"{array.dtype} of shape {array.shape}"
             )
         arrays[name] = np.array(array, dtype=float).reshape(() if name == "rate" else array.shape)
@@ -126,23 +127,22 @@ def _arrays(file: Path) -> dict[str, Array]:
         shapes: list[tuple[int, ...]] = [part.shape for part in parts]
         if [shape[1:] for shape in shapes] != [(3,), (63,)] or shapes[0][0] != shapes[1][0]:
             raise RecordingError(
-                f"{file}: {' and '.join(_PARTS)} must have 3 and 63 columns, have the shapes "
+                f"{' and '.join(_PARTS)} must have 3 and 63 columns, have the shapes "
                 f"{shapes[0]} and {shapes[1]}"
             )
         arrays["poses"] = np.hstack(parts)
     return arrays
 
 
-def _needed(file: Path, names: list[str]) -> list[str]:
+def _needed(names: list[str]) -> list[str]:
     """Return the names of the arrays of poses and of the rate."""
     rate = [name for name in _RATES if name in names][:1]
-    parts = "poses" not in names and set(_PARTS) <= set(names)
-    poses = [*_PARTS] if parts else ["poses"]
-    there = set(poses) <= set(names)
-    if not there or not rate:
-        missing = " or ".join(map(repr, _RATES)) if there else "'poses'"
+    poses = _PARTS if "poses" not in names and set(_PARTS) <= set(names) else ("poses",)
+    missing = " or ".join(map(repr, _RATES)) if not rate else ""
+    missing = missing if set(poses) <= set(names) else "'poses'"
+    if missing:
         raise RecordingError(
-            f"{file}: there is no {missing} in it, as files of AMASS have; there are "
+            f"there is no {missing} in it, as files of AMASS have; there are "
             f"{', '.join(names[:20]) or 'no arrays'}"
         )
-    return poses + rate
+    return [*poses, *rate]

@@ -1,9 +1,11 @@
-"""Lines of text files, and the numbers in them."""
+"""Lines of text files, the numbers in them, and the file's name in messages."""
 
 from __future__ import annotations
 
+import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
@@ -12,16 +14,31 @@ from geodesic_ocp.errors import RecordingError
 _LARGEST = 1e9
 
 
-def read_lines(file: Path) -> list[str]:
-    """Return the lines of a text file, without their ends: UTF-8, UTF-16 or Latin 1.
+@contextmanager
+def named_failures(file: Path) -> Iterator[None]:
+    """Raise failures of the operating system, of decoding and of values as RecordingError.
 
-    Raises:
-        RecordingError: the file cannot be read.
+    Readers of files work within it, so that their own messages need not name the file.
     """
     try:
-        content = file.read_bytes()
+        yield
     except OSError as failure:
-        raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
+        raise RecordingError(f"{file}: cannot be read: {failure.strerror or failure}") from None
+    except csv.Error as failure:
+        raise RecordingError(f"{file}: is not a table: {failure}") from None
+    except UnicodeDecodeError as failure:
+        raise RecordingError(
+            f"{file}: is not text in UTF-8 (byte {failure.start}); save it as UTF-8"
+        ) from None
+    except ValueError as failure:
+        if isinstance(failure, RecordingError) and str(failure).startswith(str(file)):
+            raise
+        raise RecordingError(f"{file}: {failure}") from None
+
+
+def read_lines(file: Path) -> list[str]:
+    """Return the lines of a text file, without their ends: UTF-8, UTF-16 or Latin 1."""
+    content = file.read_bytes()
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         text = content.decode("utf-16", errors="replace")
     else:
@@ -32,21 +49,21 @@ def read_lines(file: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def numbers(file: Path, line: int, what: str, words: Sequence[str], count: int) -> list[float]:
+def numbers(line: int, what: str, words: Sequence[str], count: int) -> list[float]:
     """`count` finite numbers from the words of a line.
 
     Raises:
         RecordingError: another count, or a word that is not a finite number; the message names the
-            file, the line and `what` they are.
+            line and `what` they are.
     """
     if len(words) != count:
-        raise RecordingError(f"{file}: line {line}: {what} has {len(words)} numbers, not {count}")
+        raise RecordingError(f"line {line}: {what} has {len(words)} numbers, not {count}")
     try:
         values = [float(word) for word in words]
     except ValueError:
         shown = " ".join(words)[:40]
-        raise RecordingError(f"{file}: line {line}: {what} is not numeric: {shown!r}") from None
+        raise RecordingError(f"line {line}: {what} is not numeric: {shown!r}") from None
     for value in values:
         if not math.isfinite(value) or abs(value) > _LARGEST:
-            raise RecordingError(f"{file}: line {line}: {what} has the value {value:g}")
+            raise RecordingError(f"line {line}: {what} has the value {value:g}")
     return values

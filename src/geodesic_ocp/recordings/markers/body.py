@@ -31,7 +31,7 @@ _SIDES = {"right": "R", "left": "L"}
 
 @dataclass(frozen=True, eq=False)
 class Attachment:
-    """Return where a point is fixed: its joint's index, its segment's rotation and origin.
+    """Place of a point on a body: its joint's index, its segment's rotation and origin.
 
     Index 0 is the base of the model, -1 the thorax that carries an arm's base.
     """

@@ -143,7 +143,7 @@ def standing_height(positions: Markers) -> float | None:
 
 @dataclass(frozen=True)
 class KnownHeight:
-    """Return what is known of the person's height before the fit.
+    """Knowledge of the person's height before the fit.
 
     Attributes:
         factor: from the model's height to the person's.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from geodesic_ocp.arrays import as_not_negative, as_vector
-from geodesic_ocp.recordings.conventions.angle_convention import from_record
+from geodesic_ocp.recordings.conventions.stated import as_stated
 
 Place = tuple[str, tuple[float, float, float]]
 
@@ -103,11 +103,8 @@ def as_marker_set(given: MarkerSet | str | PathLike[str] | None) -> MarkerSet | 
         RecordingError: the file is missing or malformed, or its keys or values are others.
         ValueError: the argument is neither a marker set nor a path.
     """
-    if given is None or isinstance(given, MarkerSet):
-        return given
-    if not isinstance(given, (str, PathLike)):
-        raise ValueError(f"marker_set must be a MarkerSet or a file, got {given!r}")
-    return from_record(MarkerSet, Path(given), "places", "a marker set")
+    file = Path(given) if isinstance(given, PathLike) else given
+    return as_stated(MarkerSet, file, "marker_set", "a marker set")
 
 
 def _mirrored(places: Mapping[str, Place]) -> dict[str, Place]:

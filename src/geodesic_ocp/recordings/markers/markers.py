@@ -142,9 +142,3 @@ def check_plausible_size(markers: Markers) -> None:
         raise ValueError(f"the markers of a sample are {size:.4g} m apart{_IN_MM}")
     if len(markers.names) >= 3 and widest < _NARROWEST:
         raise ValueError(f"all markers of a sample are within {widest:.3g} m{_IN_M}")
-
-
-# Spread of a body height about that of the model, if nothing else is known of it, relative.
-# Heights of markers above the ground when the person stands upright, as fractions of body height:
-# the reference model of the Master Motor Map (hip 0.530, from there to the vertex 0.470), its
-# markers of head and feet. LANK and LHEE include the height of the ankle, 0.039.
