@@ -146,7 +146,7 @@ def motion_playback(
     >>> from importlib.resources import files
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
     >>> motion_playback(motion, go.human_arm("left")).scenes[0].trails[0]
-    Trail('hand', 840 points)
+    Trail(name='hand', points=<840 x 3 entries>)
 
     Args:
         motion: motion with the model's joints, by their names; others are left out.

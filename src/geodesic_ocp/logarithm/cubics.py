@@ -215,11 +215,12 @@ def cubic(
     of the discrete action is positive.
 
     >>> import geodesic_ocp as go
-    >>> metric = go.KineticEnergy(go.human_arm())
+    >>> arm = go.human_arm()
+    >>> metric = go.KineticEnergy(arm.with_armature(go.manifold.default_joint_inertia(arm)))
     >>> q0, q1 = [0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
     >>> reach = go.cubic(metric, q0, [0.0] * 7, q1, [0.0] * 7, 0.5)
     >>> reach(0.25).round(3)
-    array([ 0.435,  0.069, -0.512,  1.115,  0.058, -0.037,  0.053])
+    array([ 0.408,  0.118, -0.537,  1.197,  0.05 ,  0.009,  0.063])
 
     Args:
         metric: metric of the manifold.
