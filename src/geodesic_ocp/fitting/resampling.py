@@ -57,10 +57,10 @@ def _units(fit: MetricFit, by: str) -> dict[str, list[int]]:
         ]
     elif by != "subject":
         raise ValueError(f"by must be 'recording' or 'subject', got {by!r}")
-    units: dict[str, list[int]] = {}
-    for index, label in enumerate(labels):
-        units.setdefault(label, []).append(index)
-    return units
+    return {
+        unit: [index for index, label in enumerate(labels) if label == unit]
+        for unit in dict.fromkeys(labels)
+    }
 
 
 def refit(fit: MetricFit, chosen: Sequence[int]) -> MetricFit:
@@ -140,24 +140,21 @@ def leave_one_out(
     report, units = progress or no_progress, _units(fit, by)
     if len(units) < 2:
         raise ValueError(f"leaving one {by} out needs at least two, got {len(units)}")
-    results: dict[int, LeftOut] = {}
+    results: list[tuple[int, LeftOut]] = []
     for number, members in enumerate(units.values()):
         report(f"leaving one {by} out", number, len(units))
         others = refit(fit, [k for k in range(len(fit.recordings)) if k not in members])
         for index in members:
             part = fit.program.parts[index]
             recording, model = part.recording, part.recording.model
-            errors = (
-                motion_errors(
-                    *(model, recording.motion),
-                    reconstruct(each, recording.motion, part.every).predicted,
-                )
+            motion, values = recording.motion, tuple(others.values.values())
+            errors = [
+                motion_errors(model, motion, reconstruct(each, motion, part.every).predicted)
                 for each in (others.metric(model), Euclidean(model.dof))
-            )
-            values = tuple(others.values.values())
-            results[index] = LeftOut(recording.name, recording.subject, values, *errors)
-    in_order = tuple(results[index] for index in sorted(results))
-    return CrossValidation(by, tuple(each.name for each in fit.estimates), in_order)
+            ]
+            results.append((index, LeftOut(recording.name, recording.subject, values, *errors)))
+    left_out = tuple(each for _, each in sorted(results, key=lambda pair: pair[0]))
+    return CrossValidation(by, tuple(each.name for each in fit.estimates), left_out)
 
 
 @shows_progress

@@ -293,30 +293,6 @@ def write_tables(
     notes: Sequence[str],
 ) -> tuple[Path, ...]:
     """Write recordings, synergies and failures as tables, and summary.md; returns the paths."""
-    files = [file for name, own in rows.items() for file in write_table(folder, name, own)]
-    summary = _summary(rows, outcomes, settings, notes)
-    return (*files, write_file(folder / "summary.md", summary))
-
-
-def mean_errors(rows: DataFrame) -> DataFrame:
-    """Return means over recordings of the errors of each method."""
-    headers = {
-        "joint_error_rad": "joints [rad]",
-        "position_error_m": "hand [m]",
-        "orientation_error_rad": "hand [rad]",
-    }
-    groups = rows.rename(columns=headers).groupby("method_label", sort=False)[[*headers.values()]]
-    found = groups.mean()
-    found.insert(0, "recordings", groups.count()["joints [rad]"])
-    return found.rename_axis("method")
-
-
-def _summary(
-    rows: Rows,
-    outcomes: Sequence[RecordingOutcome],
-    settings: AnalysisSettings,
-    notes: Sequence[str],
-) -> str:
     subjects = {row["subject"] for row in rows["recordings"]}
     failures = [outcome for outcome in outcomes if not outcome.success]
     warned = [outcome for outcome in outcomes if outcome.success and outcome.warnings]
@@ -346,7 +322,21 @@ def _summary(
             cells = [[" ".join(text.split()).replace("|", "\\|") for text in e] for e in entries]
             table = markdown(new_table(("recording", *header.split()), cells))
             lines += ["", f"## {title}", "", table.rstrip()]
-    return "\n".join(lines) + "\n"
+    files = [file for name, own in rows.items() for file in write_table(folder, name, own)]
+    return (*files, write_file(folder / "summary.md", "\n".join(lines) + "\n"))
+
+
+def mean_errors(rows: DataFrame) -> DataFrame:
+    """Return means over recordings of the errors of each method."""
+    headers = {
+        "joint_error_rad": "joints [rad]",
+        "position_error_m": "hand [m]",
+        "orientation_error_rad": "hand [rad]",
+    }
+    groups = rows.rename(columns=headers).groupby("method_label", sort=False)[[*headers.values()]]
+    found = groups.mean()
+    found.insert(0, "recordings", groups.count()["joints [rad]"])
+    return found.rename_axis("method")
 
 
 def _failure_row(outcome: RecordingOutcome) -> Row:

@@ -71,7 +71,7 @@ def study(
         ValueError: an argument that does not fit the source, or no such column.
         ImportError: only Parquet files are there, and the extra `parquet` is not installed.
     """
-    tables = _tables(source, names, subjects, conditions)
+    tables = _tables(source, {"names": names, "subjects": subjects, "conditions": conditions})
     if metadata is not None:
         tables["recordings"] = with_metadata(tables["recordings"], metadata)
     if by is None and conditions is not None:
@@ -81,21 +81,15 @@ def study(
     return StudyResult(**tables, by=by)
 
 
-def _tables(
-    source: object,
-    names: Sequence[str] | None,
-    subjects: Sequence[str] | None,
-    conditions: Sequence[str] | None,
-) -> dict[str, DataFrame]:
+def _tables(source: object, given: dict[str, Sequence[str] | None]) -> dict[str, DataFrame]:
     if isinstance(source, Analysis):
         source = [source]
     paths = [source] if isinstance(source, str | PathLike) else source
     entries = list(paths) if isinstance(paths, Iterable) else []
     if entries and all(isinstance(each, Analysis) for each in entries):
-        return analysis_tables(cast(list[Analysis], entries), names, subjects, conditions)
+        return analysis_tables(cast(list[Analysis], entries), **given)
     if not entries or not all(isinstance(each, str | PathLike) for each in entries):
         raise ValueError(f"source must be a folder, paths of tables, or analyses, got {source!r}")
-    given = {"names": names, "subjects": subjects, "conditions": conditions}
     if extra := [name for name, value in given.items() if value is not None]:
         raise ValueError(f"{', '.join(extra)}: only for analyses, as tables have columns for them")
     return read_study_tables(source if isinstance(source, str | PathLike) else entries)
