@@ -225,7 +225,7 @@ class Block:
         return values @ as_dm(scipy.sparse.csc_array((ones, (each, self.groups)), shape))
 
     def _expanded(self, rows: Indices) -> tuple[Indices, Indices]:
-        """For rows of A, the number of the row in the list and each of its entries in `_matrix`."""
+        """Return, for rows of A, numbers in the list and each of their entries in `_matrix`."""
         starts = self._matrix.indptr
         lengths = np.diff(starts)[rows]
         number = np.repeat(np.arange(rows.size), lengths)

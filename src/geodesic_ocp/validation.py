@@ -61,7 +61,7 @@ class SurfaceOfRevolution(Metric):
     dim = 2
 
     def matrix(self, q: Any) -> Any:
-        """diag(e(u)^2, r(u)^2), (2, 2)."""
+        """Return diag(e(u)^2, r(u)^2), (2, 2)."""
         return ca.diag(ca.vertcat(self.stretch(q[0]) ** 2, self.radius(q[0]) ** 2))
 
 

@@ -185,7 +185,7 @@ def find(key: str) -> Path | None:
 
 
 def use(file: Path) -> float:
-    """For how long all processes have used this library [s], since `forget_use`."""
+    """Return for how long all processes have used this library [s], since `forget_use`."""
     try:
         return _use_file(file).lstat().st_size * _USE_STEP
     except OSError:

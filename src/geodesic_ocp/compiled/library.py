@@ -333,7 +333,7 @@ class Library:
 
 
 def _run(started: Callable[[], None], job: Path, key: str, command: list[str]) -> None:
-    """`cache.build` in a process of its own."""
+    """Run `cache.build` in a process of its own."""
     try:
         process = subprocess.Popen(
             [sys.executable, "-I", cache.__file__, str(job), key, *command],

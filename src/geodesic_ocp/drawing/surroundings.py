@@ -120,7 +120,7 @@ _MOST = 1200  # samples at which they are computed: 20 Hz for a minute
 def mobility_ellipsoids(
     model: Model, q: Array, metric: Metric | None = None
 ) -> tuple[EllipsoidTrack, ...]:
-    """For every hand, the velocities that it can have at unit length in the metric, around it.
+    """Return, around every hand, the velocities that it can have at unit length in the metric.
 
     They are the image J v of the unit ball v' G v <= 1 by the translational Jacobian J of the hand:
     the ellipsoid of J G^-1 J', long in directions in which little energy moves the hand fast. For

@@ -163,7 +163,7 @@ def _targets(
 
 @lru_cache(maxsize=32)
 def _tracking(model: Model, rows: tuple[int, ...]) -> ca.Function:
-    """q, rotation and position of the target -> Jacobian, error."""
+    """Return q, rotation and position of the target -> Jacobian, error."""
     q, rotation, position = ca.SX.sym("q", model.dof), ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
     here, at = model.hand_pose(q)
     error = ca.vertcat(position - at, rotation_log(rotation @ here.T))

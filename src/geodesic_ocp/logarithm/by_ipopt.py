@@ -74,7 +74,7 @@ def find_by_ipopt(
 
 
 def _initial_velocity(metric: Metric, solution: Solution) -> tuple[Array, Array]:
-    """v0 = G(q0)^-1 p0 of a path between two points, and its derivative by the goal, (n, n)."""
+    """Return v0 = G(q0)^-1 p0 of a path between two points, and its derivative by the goal."""
     nodes = solution.path.nodes
     extent = float(np.ptp(nodes, axis=0).max())
     units = Units(nodes[0], extent, extent**2)

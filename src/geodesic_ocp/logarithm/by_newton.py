@@ -261,7 +261,7 @@ def _pass(
 
 
 def check_straight_line(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> None:
-    """ValueError if the metric is not finite, or not positive, along the initial guess."""
+    """Raise ValueError if the metric is not finite, or not positive, along the initial guess."""
     s = np.linspace(0.0, 1.0, _SAMPLES)
     samples = q0 + s[:, None] * (q1 - q0) if guess is None else guess(s)
     metric.check_domain_along("the guess", s, samples)

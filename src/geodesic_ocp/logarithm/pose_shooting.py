@@ -64,7 +64,7 @@ class PoseTarget:
         return metric_of(self.model)
 
     def end(self, velocity: Array, steps: int) -> Array:
-        """Exp(velocity), (n,), by equal steps; not finite where they are too few."""
+        """Return Exp(velocity), (n,), by equal steps; not finite where they are too few."""
         return np.asarray(_exp_function(self.model, steps)(self.q0, velocity).full()[:, 0])
 
     def pose_error(self, q: Array) -> Array:
@@ -179,7 +179,7 @@ def _nlp(model: Model, steps: int) -> Ipopt:
 
 @lru_cache(maxsize=32)
 def _exp_function(model: Model, steps: int) -> ca.Function:
-    """(q, v) -> Exp_q(v) by equal steps of the method of order 8 of Dormand and Prince."""
+    """Return (q, v) -> Exp_q(v) by equal steps of the method of order 8 of Dormand and Prince."""
     n, rate = model.dof, metric_of(model).geodesic_equation
     y = ca.MX.sym("y", 2 * n)
     slopes: list[ca.MX] = [rate(y)]

@@ -138,7 +138,7 @@ class Blas(ctypes.Structure):
 
 @lru_cache(maxsize=1)
 def blas() -> Blas:
-    """LAPACK's and BLAS' functions as SciPy exports them for Cython."""
+    """Return LAPACK's and BLAS' functions as SciPy exports them for Cython."""
     from scipy.linalg import cython_blas, cython_lapack
 
     def pointer(name: str) -> int | None:

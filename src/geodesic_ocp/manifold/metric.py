@@ -155,10 +155,10 @@ class Metric(MetricFunctions):
         return point
 
     def check_units(self, name: str, q: Array) -> None:
-        """ValueError if the coordinates q (n,) must be in other units; by default all may occur."""
+        """Raise ValueError if coordinates q (n,) must be in other units; by default all may occur."""
 
     def check_domain(self, name: str, q: Array) -> None:
-        """ValueError if the metric is not defined at q (n,); by default it is everywhere."""
+        """Raise ValueError if the metric is not defined at q (n,); by default it is everywhere."""
 
     @property
     def relaxed(self) -> Metric | None:
@@ -166,7 +166,7 @@ class Metric(MetricFunctions):
         return None
 
     def check_domain_along(self, name: str, times: Array, points: Array) -> None:
-        """ValueError that names the first of the times (k,) at which points (k, n) are outside."""
+        """Raise ValueError for the first of the times (k,) at which points (k, n) are outside."""
         for t, q in zip(times, points, strict=True):
             self.check_domain(f"{name} at {t:.6g}", q)
 

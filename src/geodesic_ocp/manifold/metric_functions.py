@@ -69,7 +69,7 @@ class MetricFunctions(ABC):
         return ca.Function("energy_density", [q, v], [self._energy(q, v)], ["q", "v"], ["T"])
 
     def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """sum_jk Gamma_ijk u_j v_k, (n, 1), for symbols q, u and v."""
+        """Return sum_jk Gamma_ijk u_j v_k, (n, 1), for symbols q, u and v."""
         tensor = self._matrix_function(q)
         momentum_u, momentum_v = tensor @ u, tensor @ v
         return 0.5 * (

@@ -68,7 +68,7 @@ class ModelMetric(Metric):
         )
 
     def check_units(self, name: str, q: Array) -> None:
-        """ValueError if a joint is more than a revolution beyond its limits, as if in degrees.
+        """Raise ValueError if a joint is over a revolution beyond its limits, as if in degrees.
 
         Joints that are continuous, prismatic or without limits may be anywhere.
         """
@@ -115,7 +115,7 @@ class KineticEnergy(ModelMetric):
         return ca.SX(self.model.kinetic_energy(q, v))
 
     def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """sum_jk Gamma_ijk u_j v_k, (n, 1): the symmetric bilinear form of the Coriolis forces."""
+        """Return sum_jk Gamma_ijk u_j v_k, (n, 1): the bilinear form of the Coriolis forces."""
         if not self._has_mass_matrix:
             return super()._christoffel_force(q, u, v)
         quadratic = ca.SX(self.model.coriolis_force(q, u))
@@ -163,7 +163,7 @@ class JacobiMetric(ModelMetric):
         return ca.if_else(kinetic > 0, kinetic, np.nan) * self.model.mass_matrix(q)
 
     def check_domain(self, name: str, q: Array) -> None:
-        """ValueError if the potential energy at q (n,) is too high."""
+        """Raise ValueError if the potential energy at q (n,) is too high."""
         potential = self.model.potential_energy(q)
         if potential >= self.energy:
             raise ValueError(
@@ -309,7 +309,7 @@ class AdjustableKineticEnergy(ModelMetric):
         return ca.cse(ca.densify(ca.SX(total)))
 
     def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """sum_jk Gamma_ijk u_j v_k, (n, 1)."""
+        """Return sum_jk Gamma_ijk u_j v_k, (n, 1)."""
         if self.adjusted is not None:
             return self.adjusted._christoffel_force(q, u, v)
         return super()._christoffel_force(q, u, v)

@@ -252,7 +252,7 @@ class RegionAvoiding(Metric):
         self.metric.check_units(name, q)
 
     def check_domain(self, name: str, q: Array) -> None:
-        """ValueError if an h_i is not positive at q (n,)."""
+        """Raise ValueError if an h_i is not positive at q (n,)."""
         self.metric.check_domain(name, q)
         values = evaluate(self._region.values, q)[:, 0]
         found = zip(self._region.labels, values, strict=True)

@@ -105,7 +105,7 @@ def base_placements(
 
 
 def _unique_names(models: Sequence[Model]) -> list[dict[str, str]]:
-    """For each model, unique names of its joints and frames, by the original ones."""
+    """Return for each model unique names of its joints and frames, by the original ones."""
     counts = Counter(name for model in models for name in _names(model.pin))
     taken = {name for name, count in counts.items() if count == 1}
     result = []

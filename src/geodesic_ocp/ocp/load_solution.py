@@ -146,7 +146,7 @@ def _subclasses(base: Any) -> Iterator[type[Problem]]:
 
 
 def _check_models(models: dict[str, dict[str, Any]], problem: Problem, path: FilePath) -> None:
-    """RecordingError if a model of the problem is not the one that was saved."""
+    """Raise RecordingError if a model of the problem is not the one that was saved."""
     for name, saved in models.items():
         here = described_model(getattr(problem, name))
         for key, value in here.items():
@@ -158,7 +158,7 @@ def _check_models(models: dict[str, dict[str, Any]], problem: Problem, path: Fil
 
 
 def _check_same_problem(solution: Solution, path: FilePath) -> None:
-    """RecordingError if energy or violations are not those that were saved."""
+    """Raise RecordingError if energy or violations are not those that were saved."""
     energy, saved = solution.path.discrete_energy, solution.stats.energy
     if np.isfinite(saved) and not abs(energy - saved) <= _SAME_ENERGY * abs(saved):
         raise RecordingError(

@@ -172,7 +172,7 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
 
 
 def _check_fixed_ends(conditions: Conditions, metric: Metric, bounds: NodeBounds) -> None:
-    """ValueError if an end whose coordinates are all fixed violates a path constraint."""
+    """Raise ValueError if an end whose coordinates are all fixed violates a path constraint."""
     for s, (word, end) in enumerate(zip(("start", "end"), bounds.ends, strict=True)):
         if not np.any(np.isnan(end)):
             found = violations_at(conditions, metric, end, float(s))

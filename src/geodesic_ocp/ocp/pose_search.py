@@ -338,7 +338,7 @@ class PoseSearch:
         )
 
     def starts(self, count: int) -> list[Array]:
-        """`near`, moved into the bounds, random configurations around it, and random ones."""
+        """Return `near`, moved into the bounds, random ones around it, and random ones."""
         rng, n = np.random.default_rng(0), self.model.dof
         around = self.near + _SPREAD * rng.standard_normal((_FIRST - 1, n))
         others = rng.uniform(*self.bounds, (max(0, count - _FIRST), n))

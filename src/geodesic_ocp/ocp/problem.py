@@ -295,7 +295,7 @@ class Problem(ABC):
         return ()
 
     def via(self, q: ca.SX) -> Sequence[Sequence[Equality]]:
-        """For each via point, in order, a list of equalities (expression, value[, name]) in q."""
+        """Return, for each via point in order, equalities (expression, value[, name]) in q."""
         return ()
 
     def cost(self, q: ca.SX, v: ca.SX) -> Any:

@@ -152,7 +152,7 @@ def solve(
 
 
 def _check_refinable(conditions: Conditions) -> None:
-    """ValueError if there is no path of least energy that ever finer grids approach."""
+    """Raise ValueError if there is no path of least energy that ever finer grids approach."""
     if conditions.via_continuity:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a path with "

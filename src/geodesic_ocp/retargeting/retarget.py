@@ -141,7 +141,7 @@ def retarget_arms(
     throw: bool = True,
     progress: Progress | None = None,
 ) -> Retargeting:
-    """`retarget` of several arms that move at once, such as both arms of a person.
+    """Retarget to several arms that move at once, such as both arms of a person.
 
     Paths and trajectory of all arms are planned together, in the same time. Two arms of one robot,
     whose models have the same base, are kept clear of each other; the bases of different robots are

@@ -175,7 +175,7 @@ class MethodComparison:
         confidence: float = 0.95,
         seed: int = 0,
     ) -> DataFrame:
-        """`tests` as a table, and what limits them, such as the number of pairs.
+        """Return `tests` as a table, and what limits them, such as the number of pairs.
 
         Limits that all tests share are said once, below the table, and others in a column.
         """

@@ -102,7 +102,7 @@ _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
 
 
 def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
-    """32 digits that change with the file's content, the side, the settings and the package.
+    """Return 32 digits that change with file content, side, settings and package.
 
     With an AMC file, also with the skeletons (.asf) beside it.
 

@@ -96,7 +96,7 @@ def _tables(source: object, given: dict[str, Sequence[str] | None]) -> dict[str,
 
 
 def _check_conditions(rows: DataFrame, by: str | None) -> None:
-    """Every recording has one condition."""
+    """Check that every recording has one condition."""
     if by is None:
         return
     if by not in (columns := [name for name in rows.columns if name not in _NOT_CONDITIONS]):
@@ -115,7 +115,7 @@ def _check_conditions(rows: DataFrame, by: str | None) -> None:
 
 
 def _check_labels(rows: DataFrame, by: str | None) -> None:
-    """A method means the same in all recordings under one condition."""
+    """Check that a method means the same in all recordings under one condition."""
     labels = rows.assign(condition=conditions_of(rows, by), method_label=labels_of(rows))
     for (method, _), own in labels.groupby(["method", "condition"], sort=False):
         first, other = own.iloc[0], own[own["method_label"] != own.iloc[0]["method_label"]]
@@ -208,7 +208,7 @@ def _by_name(files: Sequence[Path]) -> dict[str, Path]:
 
 
 def _check_synergies(recordings: DataFrame, synergies: DataFrame, file: Path) -> None:
-    """RecordingError if a recording has another number of synergies than segments."""
+    """Raise RecordingError if a recording has another number of synergies than segments."""
     counts = Counter(synergies["recording"])
     if unknown := sorted(set(counts) - set(recordings["recording"])):
         raise RecordingError(f"{file}: {unknown[0]} is not in the table of recordings")

@@ -213,7 +213,7 @@ class OptimalSegmentations(ShortRepr):
     _shown = ("measure", "counts", "errors", "max_duration")
 
     def segments(self, count: int, *, refined: bool = True) -> list[tuple[int, int]]:
-        """(start, stop) sample indices of the best `count` segments, as of `segment`.
+        """Return (start, stop) sample indices of the best `count` segments, as `segment` does.
 
         Refined by default: each cut moves by single samples as long as that lowers the error.
         `refined=False` gives the optimum on the grid of candidates.

@@ -118,7 +118,7 @@ def observed_velocity(motion: Motion) -> Array:
 
 
 def check_moving(motion: Motion) -> None:
-    """ValueError if no joint moves."""
+    """Raise ValueError if no joint moves."""
     if np.ptp(motion.q, axis=0).max() < _STILL:
         raise ValueError(
             f"the motion never moves: every joint stays within {_STILL:g} rad from first to last"

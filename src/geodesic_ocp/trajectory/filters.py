@@ -83,7 +83,7 @@ Filtered = tuple[Array, Array, MotionFilter]  # coordinates, velocities, filter
 
 
 def check_even(time: Array) -> None:
-    """ValueError unless the samples are evenly spaced."""
+    """Raise ValueError unless the samples are evenly spaced."""
     step = (time[-1] - time[0]) / (time.size - 1)
     off = time - np.linspace(time[0], time[-1], time.size)
     row = int(np.argmax(np.abs(off)))
@@ -286,7 +286,7 @@ def _noise_density(rate: float, q: Array) -> Array:
 
 
 def _choose_cutoff(rate: float, q: Array) -> float:
-    """Cut-off frequency [Hz] that minimizes the expected mean squared error of the velocities.
+    """Return the cut-off [Hz] of the least expected mean squared error of the velocities.
 
     With the observed spectral density P and that of the noise, N, a filter of response H distorts
     by the integral of (2 pi f)^2 (1 - H)^2 (P - N) and leaves noise of the integral of

@@ -52,7 +52,7 @@ class Path:
         return f"{type(self).__name__}(length {self.length:.6g}, {ends})"
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
-        """q(s) or its derivative of the given order by s: (n,) for a number, (k, n) for k of them.
+        """Return q(s) or its derivative of this order by s: (n,) for a number, (k, n) for k.
 
         Raises:
             ValueError: s lies outside [0, 1] or is not finite, or the order is negative.
@@ -69,7 +69,7 @@ class Path:
         return result[0] if times.ndim == 0 else result
 
     def derivatives(self, s: Array, order: int) -> list[Array]:
-        """q(s) and its derivatives by s up to the given order, (k, n) each, at s (k,) in [0, 1]."""
+        """Return q(s) and its derivatives up to this order, (k, n) each, at s (k,) in [0, 1]."""
         values = np.concatenate(self._derivatives_at_nodes(order), axis=2)
         return np.split(self.grid.interpolate(values, s), order + 1, axis=1)
 

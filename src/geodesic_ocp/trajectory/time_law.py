@@ -75,7 +75,7 @@ class TimeLaw(ShortRepr):
         return float(self.positions[-1])
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """s(t) or its derivative of the given order, in the shape of t.
+        """Return s(t) or its derivative of the given order, in the shape of t.
 
         Raises:
             ValueError: t lies outside [0, duration], or the order is negative.
@@ -265,7 +265,7 @@ def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array
 
 @lru_cache(maxsize=32)
 def _speed_along(metric: Metric) -> ca.Function:
-    """(q, q', q'') by s -> |q'|_G and its derivative by s."""
+    """Return (q, q', q'') by s -> |q'|_G and its derivative by s."""
     q, v, a = (ca.SX.sym(name, metric.dim) for name in "qva")
     square = metric.inner(q, v, v)
     speed = ca.sqrt(square)

@@ -268,7 +268,7 @@ def _motion(lines: list[str], tree: BvhHierarchy) -> tuple[float, Array]:
 
 
 def _check_positions(tree: BvhHierarchy, values: Array) -> None:
-    """RecordingError if position channels below the root do not contain the offset."""
+    """Raise RecordingError if position channels below the root do not contain the offset."""
     for joint in tree.joints:
         axes, columns = joint.columns("position")
         if joint.parent < 0 or not axes or joint.offset is None:

@@ -222,7 +222,7 @@ def read_c3d(file: Path) -> Markers:
 
 
 def _check_counts(header: C3dHeader, size: int) -> None:
-    """RecordingError if header and parameters differ, or count more frames than there are."""
+    """Raise RecordingError if header and parameters differ, or count too many frames."""
     for what, count, name in (
         ("points", header.points, "USED"),
         ("frames", header.frames, "FRAMES"),

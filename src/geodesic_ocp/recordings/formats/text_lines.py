@@ -50,7 +50,7 @@ def read_lines(file: Path) -> list[str]:
 
 
 def numbers(line: int, what: str, words: Sequence[str], count: int) -> list[float]:
-    """`count` finite numbers from the words of a line.
+    """Return `count` finite numbers from the words of a line.
 
     Raises:
         RecordingError: another count, or a word that is not a finite number; the message names the
