@@ -255,7 +255,7 @@ class PlacedSolids:
         return {each.name: each for each in self.solids}
 
     def joint_poses(self, q: Array) -> list[Pose]:
-        """Return for each arm rotations (k, j, 3, 3), positions (k, j, 3) of its joints at q (k, N)."""
+        """Return joint rotations (k, j, 3, 3) and positions (k, j, 3) of each arm at q (k, N)."""
         columns = np.split(q, np.cumsum([model.dof for model in self.models])[:-1], axis=1)
         own = [joint_poses(*each) for each in zip(self.models, columns, strict=True)]
         pairs = zip(self.bases, own, strict=True)

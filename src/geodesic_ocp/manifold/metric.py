@@ -155,7 +155,7 @@ class Metric(MetricFunctions):
         return point
 
     def check_units(self, name: str, q: Array) -> None:
-        """Raise ValueError if coordinates q (n,) must be in other units; by default all may occur."""
+        """Raise ValueError if q (n,) must be in other units; by default all values may occur."""
 
     def check_domain(self, name: str, q: Array) -> None:
         """Raise ValueError if the metric is not defined at q (n,); by default it is everywhere."""
