@@ -273,3 +273,11 @@ def test_second_variation_on_a_great_circle(length: float) -> None:
     assert motion.certificate.stationary
     assert motion.certificate.negative == np.sum(np.linalg.eigvalsh(form) < 0.0)
     assert motion.certificate.residual < 1e-12
+
+
+def test_failures_name_their_cause() -> None:
+    with pytest.raises(go.NotConverged, match="near a singularity or a boundary"):
+        go.cubic(HalfPlane(), [0.0, -1.0], [1.0, 0.0], [1.0, 2.0], [0.0, 1.0], 1.0)
+    ends = [0.0] * 7, [60.0] * 7, [0.5] * 7, [-80.0] * 7
+    with pytest.raises(go.NotConverged, match="the velocities are large"):
+        go.cubic(HUMAN, *ends, 3.0)

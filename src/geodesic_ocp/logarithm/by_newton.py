@@ -273,6 +273,13 @@ def check_straight_line(metric: Metric, q0: Array, q1: Array, guess: Path | None
 
 def likely_cause(metric: Metric, nodes: Array) -> str:
     """Return a singularity that the last path (k, n) passes, or what else the cause may be."""
+    return singularity_along(metric, nodes) or (
+        "no path from any of the attempts led to one; the goal may lie at a conjugate point"
+    )
+
+
+def singularity_along(metric: Metric, nodes: Array) -> str:
+    """Return a singularity or a boundary that a path (k, n) passes; empty if there is none."""
     finite = nodes[np.all(np.isfinite(nodes), axis=1)]
     for sample in finite:
         if cause := metric.near_singularity(sample):
@@ -287,7 +294,7 @@ def likely_cause(metric: Metric, nodes: Array) -> str:
             f"between {low} and {high} the squared length along {names[worst]} grows by "
             f"{ratios[worst]:.0e}: one of them is near a singularity or a boundary"
         )
-    return "no path from any of the attempts led to one; the goal may lie at a conjugate point"
+    return ""
 
 
 def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:

@@ -10,11 +10,12 @@ from typing import TypeAlias
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_vector, evaluate, real_array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.logarithm.by_newton import singularity_along
 from geodesic_ocp.logarithm.motion_by_ipopt import action_program, find_by_ipopt
 from geodesic_ocp.manifold.kernels import integrate_by_scipy, one_blas_thread
 from geodesic_ocp.manifold.metric import Metric, as_metric
@@ -318,10 +319,18 @@ def _least_action(metric: Metric, times: Array, knots: Array, is_free: Mask) -> 
         for found in _attempts(metric, times, knots, is_free):
             if found is not None:
                 return found
-    raise NotConverged(
-        "no motion of least covariant acceleration was found: the velocities are large for these "
-        "configurations and times; give more configurations, or other times"
+    cause = singularity_along(metric, _between(times, knots)) or (
+        "the velocities are large for these configurations and times; give more configurations, "
+        "or other times"
     )
+    raise NotConverged(f"no motion of least covariant acceleration was found: {cause}")
+
+
+def _between(times: Array, knots: Array) -> Array:
+    """Return positions of the cubic polynomials through the knots, (k, n)."""
+    n = knots.shape[1] // 2
+    curve = CubicHermiteSpline(times, knots[:, :n], knots[:, n:])
+    return np.asarray(curve(np.linspace(times[0], times[-1], _SAMPLES)))
 
 
 def _attempts(
