@@ -54,3 +54,22 @@ def test_a_recorded_cubic_is_predicted_exactly() -> None:
 def test_segments_must_cover_the_motion() -> None:
     with pytest.raises(ValueError, match="segments"):
         riemannian_spline(HUMAN, wave(), SEGMENTS[:2])
+
+
+def test_optimal_cuts_of_cubics_find_where_a_motion_changes() -> None:
+    """Two cubics that meet with equal velocities are found again from one cut."""
+    q, turn = np.zeros(7), np.linspace(0.5, -0.3, 7)
+    first = go.cubic(HUMAN, q, np.ones(7), turn, -np.ones(7), 0.6)
+    second = go.cubic(HUMAN, turn, -np.ones(7), q, 2.0 * np.ones(7), 0.4)
+    t = np.linspace(0.0, 1.0, 51)
+    inside = t <= 0.6 + 1e-9
+    rows = [
+        np.vstack([first(t[inside], order), second(t[~inside] - 0.6, order)]) for order in (0, 1)
+    ]
+    motion = go.Motion(t, rows[0], ARM.joint_names, rows[1])
+    found = go.synergies.optimal_segmentations(HUMAN, motion, curve="cubic", spacing=0.1)
+    assert found.segments(2) == [(0, 30), (30, 50)]
+    assert found.errors[found.counts == 2][0] < 1e-8
+    assert found.errors[found.counts == 1][0] > 1e-3
+    with pytest.raises(ValueError, match="curve must be one of 'geodesic', 'cubic'"):
+        go.synergies.segment_optimal(HUMAN, motion, count=2, curve="line")  # type: ignore[arg-type]

@@ -23,6 +23,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.synergies.segment_costs import (
     BestPartitions,
+    Curve,
     Measure,
     SegmentCosts,
     best_partitions,
@@ -43,6 +44,7 @@ def segment_optimal(
     error: float | None = None,
     measure: Measure = "joint",
     model: Model | None = None,
+    curve: Curve = "geodesic",
     spacing: float = 0.05,
     max_duration: float = 2.0,
     progress: Progress | None = None,
@@ -74,6 +76,8 @@ def segment_optimal(
         measure: measure of the error: "joint" [rad], "position" or "orientation" of the hand [m,
             rad].
         model: model whose hand is measured; None is the metric's, where it has one.
+        curve: "geodesic", or "cubic": Riemannian cubics (`go.cubic`), which also receive the
+            velocities at the cuts; errors of both at equal numbers of segments are not comparable.
         spacing: spacing of the candidates [s].
         max_duration: max duration of a segment [s].
         progress: called with what is done, the number of segments planned, and the total.
@@ -93,6 +97,7 @@ def segment_optimal(
         motion,
         measure=measure,
         model=model,
+        curve=curve,
         spacing=spacing,
         max_duration=max_duration,
         progress=progress,
@@ -109,6 +114,7 @@ def optimal_segmentations(
     *,
     measure: Measure = "joint",
     model: Model | None = None,
+    curve: Curve = "geodesic",
     spacing: float = 0.05,
     max_duration: float = 2.0,
     progress: Progress | None = None,
@@ -141,6 +147,8 @@ def optimal_segmentations(
         measure: measure of the error: "joint" [rad], "position" or "orientation" of the hand [m,
             rad].
         model: model whose hand is measured; None is the metric's, where it has one.
+        curve: "geodesic", or "cubic": Riemannian cubics (`go.cubic`), which also receive the
+            velocities at the cuts; errors of both at equal numbers of segments are not comparable.
         spacing: spacing of the candidates [s].
         max_duration: max duration of a segment [s].
         progress: called with what is done, the number of segments planned, and the total.
@@ -148,14 +156,14 @@ def optimal_segmentations(
     Raises:
         ValueError: the motion has no velocities or does not fit the metric, the measure is unknown
             or needs a model, the metric is not defined at a sample, or a number is out of range.
-        NotConverged: so many log maps fail that nothing covers the motion.
+        NotConverged: so many segments fail that nothing covers the motion.
 
     Warns:
         RuntimeWarning: log maps failed; such a segment is not available.
     """
     spacing = as_positive("spacing", spacing, "s")
     max_duration = as_positive("max_duration", max_duration, "s")
-    costs = SegmentCosts(metric, motion, measure, model)
+    costs = SegmentCosts(metric, motion, measure, model, curve)
     candidates = _candidates(motion.time, spacing)
     gap = float(np.diff(motion.time[candidates]).max())
     if max_duration * (1.0 + _SLACK) < gap:

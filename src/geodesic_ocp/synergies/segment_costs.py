@@ -22,13 +22,15 @@ from numpy.lib.stride_tricks import sliding_window_view
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, ConnectingGeodesic
+from geodesic_ocp.logarithm.cubics import cubic
 from geodesic_ocp.logarithm.geodesic import sampled
 from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import integrate_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code, in_threads
+from geodesic_ocp.manifold.motion_kernels import second_order
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.scores import pose_differences
-from geodesic_ocp.synergies.segment import speeds
+from geodesic_ocp.synergies.segment import observed_velocity, speeds
 from geodesic_ocp.synergies.synergy import law_of_segment
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -36,6 +38,7 @@ Pair = tuple[int, int]
 # A smaller relative decrease is rounding.
 _DECREASE = 1e-12
 Measure = Literal["joint", "position", "orientation"]
+Curve = Literal["geodesic", "cubic"]  # that predicts a segment
 _ROWS = 2048  # of configurations whose poses are computed at once
 _BLOCK = 8  # segments that a thread plans in one go
 
@@ -48,27 +51,36 @@ class SegmentCosts:
     error that `synergies.motion_errors` gives for `synergies.reconstruct`.
 
     Args:
-        metric: metric of the geodesics.
+        metric: metric of the geodesics or cubics.
         motion: motion with velocities.
         measure: "joint" [rad], "position" [m] or "orientation" [rad].
         model: model whose hand is measured; None is the metric's, where it has one.
+        curve: "geodesic", or "cubic": Riemannian cubics, which receive the velocities at the cuts.
 
     Raises:
-        ValueError: an unknown measure, a measure of the hand without a model, joints that the
-            motion lacks, or a motion that does not fit the metric.
+        ValueError: an unknown measure or curve, a measure of the hand without a model, joints that
+            the motion lacks, or a motion that does not fit the metric.
     """
 
     def __init__(
-        self, metric: Metric, motion: Motion, measure: Measure, model: Model | None
+        self,
+        metric: Metric,
+        motion: Motion,
+        measure: Measure,
+        model: Model | None,
+        curve: Curve = "geodesic",
     ) -> None:
-        if measure not in get_args(Measure):
-            known = ", ".join(map(repr, get_args(Measure)))
-            raise ValueError(f"measure must be one of {known}, got {measure!r}")
+        for name, given, kinds in (("measure", measure, Measure), ("curve", curve, Curve)):
+            if given not in get_args(kinds):
+                known = ", ".join(map(repr, get_args(kinds)))
+                raise ValueError(f"{name} must be one of {known}, got {given!r}")
         model = getattr(metric, "model", None) if model is None else model
         if measure != "joint" and model is None:
             raise ValueError(f"measure {measure!r} needs a model, which this metric does not have")
         self.metric, self.motion, self.measure = as_metric(metric), motion, measure
-        self._speed = speeds(metric, motion)
+        self.curve, self._speed = curve, speeds(metric, motion)
+        if curve == "cubic" and not metric.has_constant_tensor:
+            second_order(metric).available()  # CasADi's expressions are not for several threads
         self._predicted: dict[Pair, Array | None] = {}
         self._costs: dict[Pair, float] = {}
         if measure != "joint":
@@ -116,6 +128,8 @@ class SegmentCosts:
     def _rows(self, pair: Pair) -> Array | None:
         """Predict a segment; None where no geodesic is found or the metric is singular."""
         try:
+            if self.curve == "cubic":
+                return predict_cubic(self.metric, self.motion, *pair)
             return predict_segment(self.metric, self.motion, self._speed, *pair)
         except (NotConverged, IntegrationFailed, ValueError):
             return None
@@ -178,6 +192,18 @@ def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, st
         found, lambda times: integrate_geodesic(metric, q0, velocity, times, CHECK_TOLERANCE)
     )
     return grid.interpolate(grid.in_segments(nodes), covered)
+
+
+def predict_cubic(metric: Metric, motion: Motion, start: int, stop: int) -> Array:
+    """Return configurations (stop - start + 1, n) of the Riemannian cubic from start to stop.
+
+    Raises:
+        NotConverged, IntegrationFailed: no cubic was found.
+    """
+    velocity = observed_velocity(motion)
+    time = motion.time[start : stop + 1] - motion.time[start]
+    ends = motion.q[start], velocity[start], motion.q[stop], velocity[stop]
+    return cubic(metric, *ends, float(time[-1]))(time)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
