@@ -196,7 +196,7 @@ static int motion_minimize(const motion_level *grid, const blas *library, int se
     for (i = 0; i < total; i++) decrement -= w->step[i] * (is_free[i] ? w->gradient[i] : 0);
     ++*steps;
     *action = now;
-    if (!(decrement >= -1e-300 && now < 1e300)) return MOTION_NOT_FINITE;
+    if (!(decrement < 1e300 && now < 1e300)) return MOTION_NOT_FINITE;
     if (decrement <= grid->decrease * now && (*share == 1 || !is_last)) {
       for (i = 0; i < total; i++) x[i] += w->step[i];
       return MOTION_FOUND;
