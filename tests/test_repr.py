@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 
+import casadi as ca
 import numpy as np
 import pytest
 from known_models import planar_arm
@@ -24,8 +25,17 @@ OF_A_RETARGETING = {
 # And these in tests/execution/test_reprs.py and recordings/markers/test_fit_markers_recording.py.
 ALONE = {go.execution.Replay, go.recordings.MarkerFit, go.recordings.MarkerSet}
 ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES | ALONE
-ABSTRACT = {go.Metric, go.Problem}
+ABSTRACT = {go.Metric, go.MotionProblem, go.Problem}
 NEEDS_A_NOTEBOOK = {go.ocp.LivePlot}
+
+
+class ToRest(go.MotionProblem):
+    """From any velocity to rest."""
+
+    metric, duration = go.Euclidean(1), 1.0
+
+    def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> list[tuple[ca.SX, float]]:
+        return [(q0, 0.0), (q1, 1.0), (v1, 0.0)]
 
 
 @pytest.mark.slow
@@ -60,6 +70,9 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         reach.definition(),
         go.PointToPoint(go.KineticEnergy(both), np.full(14, 1 / 3), np.ones(14), speed=np.pi),
         go.geodesic(plane, (0.0, 0.0), (1.0, 2.0)),
+        go.cubic(plane, (0.0, 0.0), (1.0, 0.0), (1.0, 2.0), None, 0.5),
+        go.cubic(plane, (0.0, 0.0), (1.0, 0.0), (1.0, 2.0), None, 0.5).certificate,
+        go.solve(ToRest()),
         go.geodesic_to_pose(rods, (0.2, 0.9), rods.hand_pose((0.3, 0.8))[1]),
         go.Path(go.KineticEnergy(both), go.Grid(1, 20), np.zeros((21, 14))),
         go.JacobiMetric(arm, 100.0),

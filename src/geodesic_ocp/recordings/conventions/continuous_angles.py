@@ -31,15 +31,30 @@ def direction(axis: str | ArrayLike) -> Array:
 
 
 def axis_rotation(axis: str | ArrayLike, angles: ArrayLike) -> Array:
-    """Return matrices (..., 3, 3) of rotations about an axis by angles (...) [rad]."""
-    vectors = np.multiply.outer(np.asarray(angles), direction(axis))
-    return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix())
+    """Return matrices (..., 3, 3) of rotations about an axis by angles (...) [rad].
+
+    About x, y and z the entries are exact to their own size: near gimbal lock, small ones matter.
+    """
+    angle = np.asarray(angles, dtype=float)
+    if not (isinstance(axis, str) and axis in AXES[:3]):
+        vectors = np.multiply.outer(angle, direction(axis))
+        return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix())
+    i = AXES.index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    matrix = np.zeros((*angle.shape, 3, 3))
+    matrix[..., i, i] = 1.0
+    matrix[..., j, j] = matrix[..., k, k] = np.cos(angle)
+    matrix[..., k, j] = np.sin(angle)
+    matrix[..., j, k] = -matrix[..., k, j]
+    return matrix
 
 
 def successive_rotations(axes: str, angles: Array) -> Array:
     """Return the product R_axes[0](angles[:, 0]) R_axes[1](angles[:, 1]) ...: (k, 3, 3)."""
-    turns = scipy.spatial.transform.Rotation.from_euler(axes.upper(), angles)
-    return np.asarray(turns.as_matrix())
+    product = np.broadcast_to(np.eye(3), (len(angles), 3, 3))
+    for axis, column in zip(axes, angles.T, strict=True):
+        product = product @ axis_rotation(axis, column)
+    return product
 
 
 def continuous_angles(
