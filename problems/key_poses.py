@@ -35,7 +35,7 @@ class KeyPoses(go.MotionProblem):
 
     def via(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         hand = self.arm.hand_pose(q)[1]
-        pairs = zip(self.times, self.places, strict=False)
+        pairs = zip(self.times, self.places[:-1], strict=True)
         return [(at, [(hand, place)]) for at, place in pairs]
 
     def constraints(self, t: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Sequence[Any]:

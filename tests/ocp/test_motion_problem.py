@@ -121,8 +121,11 @@ class WithVia(FromRestToRest):
     [
         (FromRestToRest(duration=0.0), "duration must be positive"),
         (FromRestToRest(start=(0.0, 1.0)), "a bound must be one number or 1"),
+        (type("List", (FromRestToRest,), {"torque": lambda *_: None})(), "torque must be"),
+        (type("Once", (FromRestToRest,), {"via": lambda *_: [0.5]})(), "must be .time, equalities"),
+        (FromRestToRest(goal=(np.inf,)), "a value must be finite"),
         (type("Late", (WithVia,), {"times": (1.5,)})(), "times must increase between 0 and 1 s"),
-        (type("Odd", (FromRestToRest,), {"cost": lambda *_: [1, 2]})(), "cost must be a scalar"),
+        (type("Odd", (FromRestToRest,), {"cost": lambda *_: [1, 2]})(), "cost must be a matrix"),
         (
             type("Guess", (FromRestToRest,), {"guess": lambda _, t: np.zeros(3)})(),
             r"guess must have shape \(5, 1\)",
@@ -137,3 +140,33 @@ def test_malformed_problems_are_named(problem: MotionProblem, message: str) -> N
 def test_options_of_paths_are_refused() -> None:
     with pytest.raises(ValueError, match="motions are solved without grid"):
         go.solve(FromRestToRest(), grid=go.Grid(4, 4))
+
+
+def test_saddles_are_left() -> None:
+    class Well(FromRestToRest):
+        """Rest at 0 is stationary, and not least: the cost falls to both sides."""
+
+        def cost(self, t: Any, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Any:
+            return a[0] ** 2 / 1e3 - 10.0 * q[0] ** 2 + q[0] ** 4
+
+    found = go.solve(Well(goal=(0.0,)))
+    assert found.cost < -10.0
+
+
+def test_a_motion_of_no_cost_is_found() -> None:
+    class Free(FromRestToRest):
+        def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
+            return [(q0, self.start), (q1, self.goal)]
+
+    assert go.solve(Free(goal=(0.0,))).cost == pytest.approx(0.0, abs=1e-12)
+    assert go.solve(FromRestToRest(HUMAN, 0.5, Q0, Q0)).cost == pytest.approx(0.0, abs=1e-12)
+
+
+def test_an_end_that_cannot_be_met_is_named() -> None:
+    class Beyond(FromRestToRest):
+        def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
+            return [(q0, 0.0), (ca.sin(q1), 2.0, "a sine of two")]
+
+    found = go.solve(Beyond(), throw=False)
+    assert not found.success
+    assert found.violation[1] == "a sine of two"

@@ -44,7 +44,7 @@ _DECREASE = 1e-11  # of the action, relative, by the last step
 _BISECTIONS = 5
 _HALVINGS, _SCALES = 2, 8  # segments, and steps of the continuation from small motions
 _MAX_STEPS = 5000
-_SAMPLES, _TINY = 50, 1e-300
+_SAMPLES, _SMALL = 50, 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,7 +57,6 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         starts: positions, velocities and their momenta p and r at the start of each interval,
             (k, 4 n).
         end: position and velocity at the last time (2 n).
-        action: int |D_t q'|^2_G / 2 dt.
         error: largest difference of the integrated cubics from the knots [rad or m, and per s].
         is_free: True for the components of the knots that were not given (k + 1, 2 n).
     """
@@ -66,11 +65,23 @@ class RiemannianSpline(TimedMotion, ShortRepr):
     times: Array
     starts: Array
     end: Array
-    action: float
     error: float
     is_free: Mask
 
     _shown = ("duration", "action", "error")
+
+    @cached_property
+    def action(self) -> float:
+        """The integral of |D_t q'|^2_G / 2 over time, by Gauss quadrature."""
+        s, weights = _FINE.rule
+        n, states = self.metric.dim, self.at(instants(self.times, s))
+        squares = self._products(states[:, :n], states[:, 3 * n :]).reshape(-1, s.size)
+        return float(np.diff(self.times) @ squares @ weights) / 2.0
+
+    def _products(self, q: Array, r: Array) -> Array:
+        """Return r' G(q)^-1 r at positions q (k, n), (k,)."""
+        tensors = np.array([self.metric.matrix(each) for each in q]).reshape(-1, *2 * q.shape[1:])
+        return np.asarray(np.sum(r * np.linalg.solve(tensors, r[..., None])[..., 0], axis=1))
 
     def at(self, t: ArrayLike) -> Array:
         """Return states (k, 4 n) at times (k,) [s]: q, q', and their momenta p and r.
@@ -109,9 +120,7 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         n, states = self.metric.dim, self.at(t)
         q, v, p, r = (states[:, i * n : (i + 1) * n] for i in range(4))
         acceleration = _rates(self.metric, states)[:, n : 2 * n]
-        tensors = np.array([self.metric.matrix(each) for each in q])
-        squares = np.sum(r * np.linalg.solve(tensors, r[..., None])[..., 0], axis=1)
-        return np.asarray(np.sum(p * v + r * acceleration, axis=1) - squares / 2.0)
+        return np.asarray(np.sum(p * v + r * acceleration, axis=1) - self._products(q, r) / 2.0)
 
     def residual(self, t: ArrayLike) -> Array:
         """Return D_t^3 q' + R(D_t q', q') q' at times (k,), (k, n): zero up to rounding.
@@ -145,7 +154,11 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         moves = np.ones(x.shape, dtype=bool)
         moves[is_knot] = free.reshape(-1, self.metric.dim)
         functions = action_program(self.metric, _FINE, np.diff(times)).functions
-        unit, index = max(self.action, _TINY), np.flatnonzero(moves)
+        tensor, index = self.metric.matrix(knots[0, : self.metric.dim]), np.flatnonzero(moves)
+        # The unit of a motion at constant speed, or of none, whose action vanishes.
+        speed = np.sum(knots[:, self.metric.dim :] ** 2) / self.duration
+        floor = _SMALL * np.trace(tensor) * (speed + 1.0 / self.duration**3)
+        unit = max(self.action, float(floor))
         gradient = functions["grad_f"](x.ravel(), [])[1].full()[index, 0] / unit
         hessian = functions["hess_lag"](x.ravel(), [], 1.0 / unit, []).full()
         hessian = (np.triu(hessian) + np.triu(hessian, 1).T)[np.ix_(index, index)]
@@ -189,9 +202,12 @@ def cubic_equation(metric: Metric) -> ca.Function:
     q, v, r = y[:n], y[n : 2 * n], y[3 * n :]
     rate = second_order(metric).rate(y)
 
+    w = ca.SX.sym("w", n)
+    along = metric._transport_rate(q, v, w)  # of a field that is held constant
+
     def covariant(field: ca.SX) -> ca.SX:
         """Return D_t of a vector field along the motion."""
-        return ca.jtimes(field, y, rate) - metric._transport_rate(q, v, field)
+        return ca.jtimes(field, y, rate) - ca.substitute(along, w, field)
 
     first = ca.ldl_solve(r, *ca.ldl(metric._matrix_function(q), False))
     third = covariant(covariant(first))
@@ -266,12 +282,14 @@ def spline(
     """
     metric = as_metric(metric)
     instants = real_array(times, "times")
-    if instants.ndim != 1 or len(instants) < 2 or not np.all(np.diff(instants) > 0.0):
+    increasing = instants.ndim == 1 and np.all(np.diff(instants) > 0.0)
+    if not (increasing and len(instants) > 1 and np.all(np.isfinite(instants))):
         raise ValueError("times must be at least two increasing numbers")
-    if len(configurations) != len(instants):
+    count = len(configurations) if hasattr(configurations, "__len__") else 0
+    if count != len(instants):
         raise ValueError(
             f"there must be one configuration for each time, got {len(instants)} times and "
-            f"{len(configurations)} configurations"
+            f"{count} configurations"
         )
     named = enumerate(configurations)
     points = np.array([metric.point(f"configurations[{i}]", q) for i, q in named])
@@ -305,13 +323,9 @@ def _closed_form(
 ) -> RiemannianSpline:
     tensor = metric.matrix(flat(times[0]))
     q, v, a, j = (flat.derivative(k)(times[:-1]) if k else flat(times[:-1]) for k in range(4))
-    last = flat.derivative(2)(times[1:])
-    squares = (a, a), (a, last), (last, last)  # accelerations are linear in between
-    means = sum(np.sum(x @ tensor * y, axis=1) for x, y in squares) / 3.0
     end = np.append(flat(times[-1]), flat(times[-1], 1))
-    action = float(np.diff(times) @ means) / 2.0
     states = np.hstack([q, v, -j @ tensor, a @ tensor])
-    return RiemannianSpline(metric, times, states, end, action, 0.0, is_free)
+    return RiemannianSpline(metric, times, states, end, 0.0, is_free)
 
 
 def _least_action(metric: Metric, times: Array, knots: Array, is_free: Mask) -> RiemannianSpline:
@@ -440,10 +454,7 @@ def _matched(
             error = max(missing, moving)
             if is_fine and missing <= TOLERANCE and moving <= _MOVING:
                 states = np.hstack([knots[:-1], momenta])
-                action = found.action
-                return RiemannianSpline(
-                    metric, times, states, knots[-1], action, float(missing), is_free
-                )
+                return RiemannianSpline(metric, times, states, knots[-1], float(missing), is_free)
             if not error < min(_CONTRACTION * last, _FAR):
                 return None
             last = error
@@ -496,4 +507,4 @@ def _integrated(metric: Metric, start: Array, times: Array, tolerance: float = _
 def _rates(metric: Metric, states: Array) -> Array:
     """Return Hamilton's equations at states (k, 4 n)."""
     rate = second_order(metric).rate
-    return np.array([evaluate(rate, state)[:, 0] for state in states])
+    return np.array([evaluate(rate, state)[:, 0] for state in states]).reshape(states.shape)

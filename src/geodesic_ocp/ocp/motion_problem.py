@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, real_array
+from geodesic_ocp.arrays import (
+    Array,
+    ShortRepr,
+    as_expression,
+    as_number,
+    as_positive,
+    real_array,
+)
 from geodesic_ocp.blocks import Block, BlockProgram, Terms, in_rounds
 from geodesic_ocp.drawing.path_figure import draw_motion
 from geodesic_ocp.errors import NotConverged
@@ -37,6 +44,8 @@ _ROUNDS, _BISECTIONS = 12, 5
 _SAMPLES = 12  # of a segment, at which constraints are examined
 _VIOLATION = 1e-4  # of a constraint between the points, in its unit
 _CHANGE = 1e-4  # of the cost from one round to the next, relative
+_ROUNDING = 1e-12  # of the unit of cost
+_TINY, _BESIDE = 1e-6, 1e-3  # displacements of variables [rad or m, per s]
 _IPOPT = {"tol": 1e-9, "max_iter": 500}
 _NEAR = {"mu_init": 1e-6, "bound_push": 1e-6, "bound_frac": 1e-6}
 
@@ -107,7 +116,7 @@ class MotionSolution(TimedMotion, ShortRepr):
         times: of the knots (k + 1,) [s].
         knots: positions and velocities (k + 1, 2 n).
         coefficients: of the segments' other polynomials (k, bubbles, n).
-        success: whether the motion is a local solution and all conditions hold.
+        success: whether the motion is stationary, and all conditions hold.
         status: how the solver stopped, a sentence.
         cost: int cost dt.
         violation: largest violation of a condition, in its unit, and the condition's name.
@@ -155,11 +164,12 @@ class MotionSolution(TimedMotion, ShortRepr):
         return draw_motion(t, (self(t), self(t, 1)), self.torques(t), names, title)
 
     def torques(self, t: ArrayLike) -> Array:
-        """Return the problem's torques at times (k,), (k, n) [N m or N]."""
-        parsed = _Parsed.of(self.problem)
-        instants = self.checked(t)
-        states = np.hstack([self.states(instants, order) for order in range(3)])
-        return np.asarray(ca.Function("torque", [parsed.state], [parsed.torque])(states.T).full().T)
+        """Return the problem's torques at t, (n,) for a number, or (k, n) [N m or N]."""
+        parsed, at = _Parsed.of(self.problem), self.checked(t)
+        function = ca.Function("torque", [parsed.state], [parsed.torque])
+        states = np.hstack([self.states(at, order) for order in range(3)])
+        values = np.array([function(state).full()[:, 0] for state in states]).reshape(len(at), -1)
+        return values[0] if np.ndim(t) == 0 else values
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,16 +197,26 @@ class _Parsed:
         names = ("q", "v", "a", "q0", "v0", "q1", "v1")
         q, v, a, q0, v0, q1, v1 = (ca.SX.sym(name, metric.dim) for name in names)
         t, state, at_ends = ca.SX.sym("t"), ca.vertcat(q, v, a), ca.vertcat(q0, v0, q1, v1)
-        torque = ca.SX(problem.torque(q, v, a))
-        cost = ca.SX(problem.cost(t, q, v, a, torque))
+        torque = as_expression("torque", problem.torque(q, v, a))
+        if torque.shape != (metric.dim, 1):
+            raise ValueError(f"torque must have shape ({metric.dim}, 1), got {torque.shape}")
+        cost = as_expression("cost", problem.cost(t, q, v, a, torque))
         if cost.shape != (1, 1):
             raise ValueError(f"cost must be a scalar, got shape {cost.shape}")
 
         def equalities(label: str, entries: Any, symbols: ca.SX) -> tuple[Condition, ...]:
-            return tuple(NUMBERS.equality(*each, symbols) for each in listed(label, entries))
+            found = tuple(NUMBERS.equality(*each, symbols) for each in listed(label, entries))
+            for condition in found:
+                if not np.all(np.isfinite(condition.lower)):
+                    raise ValueError(f"{condition.name}: a value must be finite")
+            return found
 
         along = listed("constraints", problem.constraints(t, q, v, a, torque))
-        via = [(*each, label) for label, each in listed("via", problem.via(q, v))]
+        via = []
+        for label, each in listed("via", problem.via(q, v)):
+            if not isinstance(each, Sequence) or len(each) != 2:
+                raise ValueError(f"{label} must be (time, equalities), got {each!r}")
+            via.append((*each, label))
         times = np.array([as_number(f"{label}: its time", at) for at, _, label in via])
         if not np.all(np.diff(np.concatenate([[0.0], times, [duration]])) > 0.0):
             raise ValueError(
@@ -231,6 +251,8 @@ class _Parsed:
         if own is not None and np.shape(own) != (len(times), n):
             raise ValueError(f"guess must have shape ({len(times)}, {n}), got {np.shape(own)}")
         points = _completed(edges, known[:, 0]) if own is None else real_array(own, "guess")
+        if not np.all(np.isfinite(points)):
+            raise ValueError("guess must be finite")
         clamped = tuple(
             (2, np.zeros(n)) if np.isnan(v).any() else (1, v) for v in known[[0, -1], 1]
         )
@@ -277,9 +299,21 @@ class _Parsed:
         for condition in self.along:
             function = ca.Function("g", [self.state, self.time], [condition.expression])
             found = function(states.T, t[None, :]).full().T
-            excess = np.maximum(condition.lower - found, found - condition.upper).max(axis=1)
+            excess = _excess(condition, found).max(axis=1)
             worst = max(worst, (float(excess.max()), condition.name))
             where.append(t[excess > _VIOLATION])
+        ends = motion.knots[[0, -1]].reshape(1, -1)
+        at = [int(np.argmin(np.abs(motion.times - each))) for each in self.via_times]
+        groups = [(self.at_ends, self.ends, ends)]
+        n = self.metric.dim
+        groups += [
+            (self.state[: 2 * n], each, motion.knots[[knot]])
+            for each, knot in zip(self.via, at, strict=True)
+        ]
+        for symbols, conditions, values in groups:
+            for condition in conditions:
+                found = ca.Function("g", [symbols], [condition.expression])(values.T).full().T
+                worst = max(worst, (float(_excess(condition, found).max()), condition.name))
         return worst, np.unique(np.concatenate(where))
 
 
@@ -291,6 +325,12 @@ class _Motion:
     knots: Array
     coefficients: Array
     more: Array
+
+
+def _excess(condition: Condition, found: Array) -> Array:
+    """Return by how much values (k, m) violate their bounds; infinite where they are NaN."""
+    excess = np.maximum(np.maximum(condition.lower - found, found - condition.upper), 0.0)
+    return np.where(np.isnan(excess), np.inf, excess)
 
 
 def _bounds(conditions: Sequence[Condition], count: int) -> tuple[Array, Array]:
@@ -316,8 +356,8 @@ def _completed(times: Array, points: Array) -> Array:
 def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolution:
     """Return the motion of least cost, a local solution.
 
-    The number of segments is doubled until the cost changes by less than 1e-4, relative, and the
-    constraints hold between the points of the program to 1e-4, each in its unit.
+    The number of segments is doubled until the cost changes by less than 1e-4, relative, at most
+    five times; the constraints hold between the points of the program to 1e-4, each in its unit.
 
     Args:
         problem: an instance of a subclass of MotionProblem.
@@ -330,17 +370,21 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
     """
     parsed = _Parsed.of(problem)
     costs: list[float] = []
-    seconds, iterations = 0.0, 0
+    seconds, iterations, unit = 0.0, 0, 1.0
 
     def solved(start: _Motion) -> tuple[MotionSolution, Array]:
-        nonlocal seconds, iterations
+        nonlocal seconds, iterations, unit
         x = variables(start.knots, start.coefficients)
         program = parsed.program(start.times, start.more)
         free = np.full(x.size, np.inf)
-        # In the unit of the guess, Ipopt's tolerance is relative.
-        unit = abs(float(program.functions["nlp"](x, [])[0]))
-        options = {**_IPOPT, "obj_scaling_factor": 1.0 / unit if 0.0 < unit < np.inf else 1.0}
+        unit = unit_of(program, x)
+        options = {**_IPOPT, "obj_scaling_factor": 1.0 / unit}
         outcome = program.solve(x, (-free, free), options | (_NEAR if costs else {}))
+        if outcome.success and outcome.may_be_saddle:  # as from a symmetric guess
+            beside = outcome.x + _BESIDE * np.random.default_rng(0).normal(size=x.size)
+            other = program.solve(beside, (-free, free), options)
+            if other.success and other.objective < outcome.objective:
+                outcome = other
         costs.append(outcome.objective)
         seconds, iterations = seconds + outcome.seconds, iterations + outcome.iterations
         motion = MotionSolution(
@@ -355,6 +399,15 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
         )
         return motion, start.more
 
+    def unit_of(program: BlockProgram, x: Array) -> float:
+        """Return the cost of the guess, or of tiny motions where it is smaller.
+
+        In this unit, Ipopt's tolerance is relative.
+        """
+        beside = x + _TINY * np.random.default_rng(0).normal(size=x.size)
+        values = [abs(float(program.functions["nlp"](each, [])[0])) for each in (x, beside)]
+        return max(values) if 0.0 < max(values) < np.inf else 1.0
+
     def examined(
         number: int, result: tuple[MotionSolution, Array]
     ) -> tuple[tuple[MotionSolution, Array], _Motion | None]:
@@ -362,9 +415,12 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
         (amount, name), where = parsed.violations(motion)
         motion = replace(motion, violation=(amount, name))
         following = motion.times, motion.knots, motion.coefficients
+        change = abs(costs[-1] - costs[-2]) if number else np.inf
+        if not motion.success and change <= _ROUNDING * unit and amount <= _VIOLATION:
+            status = "the cost changes by rounding alone"
+            return (replace(motion, success=True, status=status), more), None
         if not motion.success:
             return (motion, more), None
-        change = abs(costs[-1] - costs[-2]) if number else np.inf
         is_settled = change <= _CHANGE * abs(costs[-1]) or number >= _BISECTIONS
         if amount <= _VIOLATION and is_settled:
             return (motion, more), None

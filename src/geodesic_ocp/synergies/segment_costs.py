@@ -101,7 +101,7 @@ class SegmentCosts:
 
     @property
     def failures(self) -> int:
-        """Number of segments so far for which no geodesic was found."""
+        """Number of segments so far for which no geodesic or cubic was found."""
         return sum(rows is None for rows in self._predicted.values())
 
     def predicted(self, segments: Sequence[Pair]) -> Array:
@@ -110,7 +110,7 @@ class SegmentCosts:
         for start, stop in segments:
             rows = self._predicted[start, stop]
             if rows is None:
-                raise NotConverged(f"no geodesic was found from sample {start} to {stop}")
+                raise NotConverged(f"no {self.curve} was found from sample {start} to {stop}")
             q[start : stop + 1] = rows
         return q
 

@@ -47,7 +47,7 @@ class TimedMotion(ABC):
         """
         if order not in (0, 1, 2):
             raise ValueError(f"order must be 0, 1 or 2, got {order!r}")
-        values = self.states(self.checked(t), order)
+        values = self.states(self.checked(t), int(order))
         return values[0] if np.ndim(t) == 0 else values
 
     def checked(self, t: ArrayLike) -> Array:
