@@ -212,7 +212,7 @@ def test_paths_through_an_obstacle_are_no_solutions(options: Any) -> None:
 
 
 def test_multipliers_are_carried_to_another_grid() -> None:
-    """From the solution of a coarse grid, the fine one takes fewer iterations than from its path."""
+    """A fine grid takes fewer iterations from the solution on a coarse one than from its path."""
     problem, fine = PlaneAroundDisc(), go.Grid(32, 3)
     coarse = go.solve(problem, grid=go.Grid(16, 3))
     carried = go.solve(problem, grid=fine, guess=coarse)
