@@ -195,12 +195,14 @@ def scaling_table(profiles: DataFrame, confidence: float) -> DataFrame:
         half = student.ppf((1.0 + confidence) / 2.0) * error
         same = {"curve": curve, "condition": condition}
         for name, wanted in _HYPOTHESES.items():
+            with np.errstate(divide="ignore", invalid="ignore"):  # without any error: p is 0
+                t = np.abs(slope - wanted) / np.float64(error)
             rows.append(
                 {
                     **(same | {"hypothesis": name, "subjects": count, "exponent": slope}),
                     f"{confidence:.0%} low": slope - half,
                     f"{confidence:.0%} high": slope + half,
-                    "p": 2.0 * student.sf(abs(slope - wanted) / error),
+                    "p": 2.0 * student.sf(t),
                 }
             )
     columns = ["subjects", "exponent", *(f"{confidence:.0%} {end}" for end in ("low", "high")), "p"]
