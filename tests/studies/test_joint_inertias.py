@@ -96,8 +96,9 @@ def test_the_interval_of_the_exponent_is_that_of_a_regression() -> None:
     )
 
 
-def test_people_of_assumed_size_say_nothing_about_scaling() -> None:
-    table = people(1.0, mass_from="assumed").scaling()
+@pytest.mark.parametrize("facts", [{"mass_from": "assumed"}, {"height_from": "given"}])
+def test_people_of_unknown_size_say_nothing_about_scaling(facts: dict[str, str]) -> None:
+    table = people(1.0, **facts).scaling()
     assert table.empty
     assert "S0, S1, S2, S3, S4" in table.attrs["note"]
     assert "three subjects" in table.attrs["note"]
@@ -114,7 +115,7 @@ def test_an_error_that_falls_to_the_end_of_the_range_gives_no_estimate() -> None
     study = study_of(("a", "Ann", 1e-4, 1.0), ("b", "Bob", 0.05, 1.0))
     table = study.joint_inertia()
     assert np.isnan(table.loc["Ann", RELATIVE])
-    assert "end of the range, 0.001 to 1 m r^2: Ann." in table.attrs["note"]
+    assert "end of the range, 0.003 to 0.3 m r^2: Ann." in table.attrs["note"]
     assert table.loc["geometric mean", RELATIVE] == pytest.approx(0.05, rel=0.004)
 
 

@@ -18,6 +18,7 @@ from geodesic_ocp.errors import GeodesicOcpError, RecordingError
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.resampling import minimizers
+from geodesic_ocp.manifold.metrics import FRACTION
 from geodesic_ocp.model.inertias import inertia_scale
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.paired_test import holm
@@ -27,7 +28,7 @@ from geodesic_ocp.synergies.analyse import Analysis
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-VALUES = np.geomspace(1e-3, 1.0, 19)  # [m r^2]
+VALUES = FRACTION * np.geomspace(0.1, 10.0, 13)  # [m r^2], about the default
 _RESAMPLES = 1000
 _KEYS = ["curve", "condition", "subject"]
 _UNIT, _RELATIVE = "m r^2 [kg m^2]", "joint inertia [m r^2]"
@@ -173,7 +174,8 @@ def scaling_table(profiles: DataFrame, confidence: float) -> DataFrame:
     """Return the exponent b of joint inertia [kg m^2] ~ (m r^2)^b, and tests of what it is.
 
     Args:
-        profiles: as for `inertia_table`, with a column assumed: whether height or mass is.
+        profiles: as for `inertia_table`, with a column assumed: whether height or mass is not
+            known of the subject.
         confidence: confidence of the interval.
 
     Returns:
@@ -216,7 +218,7 @@ def scaling_table(profiles: DataFrame, confidence: float) -> DataFrame:
     ]
     if left_out := dict.fromkeys(found.index[~found["known"]].get_level_values("subject")):
         note.append(
-            "Left out, as height or mass is assumed or the joint inertia not determined: "
+            "Left out, as height or mass is not known of them, or the joint inertia not determined: "
             f"{', '.join(left_out)}."
         )
     if not tested.all() or table.empty:

@@ -469,8 +469,8 @@ class StudyResult:
         The exponent b of joint inertia [kg m^2] ~ (m r^2)^b is the slope of their logarithms by
         least squares. It is tested against 1, proportional, and 0, the same for everybody;
         p-values are corrected by Holm's method for the tests in the table. Subjects whose height or
-        mass is assumed are left out: an estimate is relative to m r^2, so that a wrong one makes
-        the joint inertia appear proportional to it.
+        mass is assumed, or given by an option for all, are left out: an estimate is relative to
+        m r^2, so that a wrong one makes the joint inertia appear proportional to it.
 
         Args:
             confidence: confidence of the interval.
@@ -490,7 +490,7 @@ class StudyResult:
             )
         known = self._rows.drop_duplicates("recording").set_index("recording")
         facts = known[["condition", "subject", "height_m", "mass_kg"]].assign(
-            assumed=known[["height_from", "mass_from"]].eq("assumed").any(axis=1),
+            assumed=known[["height_from", "mass_from"]].isin(("assumed", "given")).any(axis=1),
         )
         return self.profiles.drop(columns="subject").join(facts, on="recording", how="inner")
 
