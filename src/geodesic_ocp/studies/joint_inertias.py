@@ -218,8 +218,7 @@ def scaling_table(profiles: DataFrame, confidence: float) -> DataFrame:
     ]
     if left_out := dict.fromkeys(found.index[~found["known"]].get_level_values("subject")):
         note.append(
-            "Left out, as height or mass is not known of them, or the joint inertia not determined: "
-            f"{', '.join(left_out)}."
+            f"Left out, as height, mass or joint inertia is not known: {', '.join(left_out)}."
         )
     if not tested.all() or table.empty:
         note.append("At least three subjects that differ in m r^2 are needed.")
