@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
-from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.study_figures import (
     Means,
     differences_figure,
@@ -26,7 +26,8 @@ from geodesic_ocp.drawing.study_figures import (
 from geodesic_ocp.drawing.styles import save_figure
 from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
-from geodesic_ocp.studies.paired_test import holm, paired_test, rank_biserial
+from geodesic_ocp.studies.joint_inertias import inertia_table, scaling_table
+from geodesic_ocp.studies.paired_test import as_confidence, holm, paired_test, rank_biserial
 from geodesic_ocp.studies.study_tables import new_rows
 from geodesic_ocp.tables import latex, markdown
 
@@ -133,12 +134,14 @@ class StudyResult:
         synergies: one row for each synergy; None if there is no such table.
         failures: one row for each recording that was left out of the analysis.
         by: column whose values are conditions; None for a single condition.
+        profiles: one row for each recording and joint inertia; None if they were not computed.
     """
 
     recordings: DataFrame
     synergies: DataFrame | None = None
     failures: DataFrame = field(default_factory=lambda: new_rows([], "failures"))
     by: str | None = None
+    profiles: DataFrame | None = None
 
     def __repr__(self) -> str:
         counts = [
@@ -231,8 +234,7 @@ class StudyResult:
         """
         from pandas import concat
 
-        if not 0.0 < as_number("confidence", confidence) < 1.0:
-            raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
+        as_confidence(confidence)
         names = measures or self._known(_SHOWN) or _SHOWN[:1]
         parts = {as_measure(each).header: self._means(each, confidence, complete) for each in names}
         found = concat(parts, names=["measure"])
@@ -442,6 +444,65 @@ class StudyResult:
         found.attrs["note"] = " ".join(["Segments at rest count as synergies.", *self._caveats])
         return found
 
+    def joint_inertia(self, *, confidence: float = 0.95, seed: int = 0) -> DataFrame:
+        """Return the joint inertia with which geodesics are nearest to each subject's recordings.
+
+        The estimate minimizes the mean over the subject's recordings of the squared error, on their
+        interpolated profiles. Its interval is the percentile bootstrap over the recordings. The
+        last row of several subjects is the geometric mean over them, with an interval by Student's
+        t of the logarithms.
+
+        Args:
+            confidence, seed: confidence of the intervals, and seed of the bootstrap.
+
+        Raises:
+            ValueError: there are no profiles, see `analyse_recordings`.
+        """
+        table = inertia_table(self._profiles, as_confidence(confidence), seed)
+        if missing := self._rows["recording"].nunique() - self._profiles["recording"].nunique():
+            table.attrs["note"] += f" {_count(missing, 'recording')} without a profile."
+        return self._with_caveats(table)
+
+    def scaling(self, *, confidence: float = 0.95) -> DataFrame:
+        """Return whether the subjects' joint inertia is proportional to m r^2.
+
+        The exponent b of joint inertia [kg m^2] ~ (m r^2)^b is the slope of their logarithms by
+        least squares. It is tested against 1, proportional, and 0, the same for everybody;
+        p-values are corrected by Holm's method for the tests in the table. Subjects whose height or
+        mass is assumed, or given by an option for all, are left out: an estimate is relative to
+        m r^2, so that a wrong one makes the joint inertia appear proportional to it.
+
+        Args:
+            confidence: confidence of the interval.
+
+        Raises:
+            ValueError: there are no profiles, see `analyse_recordings`.
+        """
+        return self._with_caveats(scaling_table(self._profiles, as_confidence(confidence)))
+
+    @cached_property
+    def _profiles(self) -> DataFrame:
+        """Rows of the profiles, each with what is known of its recording."""
+        if self.profiles is None:
+            raise ValueError(
+                "the study has no profiles of the joint inertia (profiles.csv): analyse with "
+                "--study, or analyse_recordings(..., fit=True)"
+            )
+        known = self._rows.drop_duplicates("recording").set_index("recording")
+        facts = known[["condition", "subject", "height_m", "mass_kg"]].assign(
+            assumed=known[["height_from", "mass_from"]].isin(("assumed", "given")).any(axis=1),
+        )
+        return self.profiles.drop(columns="subject").join(facts, on="recording", how="inner")
+
+    def _with_caveats(self, table: DataFrame) -> DataFrame:
+        """Return a table by curve and condition without levels of one value, with all its notes."""
+        note = " ".join([table.attrs["note"], *self._caveats])
+        if table.index.unique("curve").size == 1:
+            table = table.droplevel("curve")
+        table = self._by_condition(table)
+        table.attrs["note"] = note
+        return table
+
     @cached_property
     def _synergies(self) -> DataFrame:
         """Rows of the synergies, each with the condition of its recording."""
@@ -578,6 +639,9 @@ class StudyResult:
         }
         if self.synergies is not None and len(self.synergies):
             tables["synergy_statistics"] = "Synergies by subject", self.synergy_statistics()
+        if self.profiles is not None:
+            tables["joint_inertia"] = "Joint inertia by subject", self.joint_inertia()
+            tables["scaling"] = "Joint inertia against m r^2", self.scaling()
         for name in known:
             tables[f"by_subject_{name}"] = (
                 f"By subject: {MEASURES[name].header}",
