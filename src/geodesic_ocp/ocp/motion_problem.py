@@ -5,7 +5,6 @@ The default cost is that of Riemannian cubics, int |D_t q'|^2_G / 2 dt = int tau
 
 from __future__ import annotations
 
-import operator
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -55,6 +54,7 @@ _VIOLATION = 1e-4  # of a constraint between the points, in its unit
 _CHANGE = 1e-4  # of the cost from one round to the next, relative
 _ROUNDING = 1e-12  # of the unit of cost
 _TINY, _BESIDE = 1e-6, 1e-3  # displacements of variables [rad or m, per s]
+_TINY_OF_RATES = 1e-9  # jerk is larger by a power of the time of a segment
 _IPOPT = {"tol": 1e-9, "max_iter": 500}
 _NEAR = {"mu_init": 1e-6, "bound_push": 1e-6, "bound_frac": 1e-6}
 
@@ -92,9 +92,9 @@ class MotionProblem(ABC):
         return ca.dot(torque, ca.solve(self.metric.matrix(q), torque)) / 2.0
 
     def rate_cost(self, q: ca.SX, v: ca.SX, a: ca.SX, jerk: ca.SX, torque_rate: ca.SX) -> Any:
-        """Return what is added to the running cost, in the jerk q''' and the rate of the `torque`: zero.
+        """Return what jerk q''' and rate of the `torque` add to the running cost: zero.
 
-        If it is not zero, accelerations and torques are continuous.
+        If the jerk occurs in it, accelerations and torques are continuous.
         """
         return 0.0
 
@@ -289,10 +289,14 @@ class _Parsed:
         return _Motion(times, knots, np.zeros((len(times) - 1, _BASIS.bubbles, n)), np.zeros(0))
 
     @cached_property
+    def has_rate(self) -> bool:
+        """Whether the running cost depends on the jerk, so that accelerations are continuous."""
+        return bool(ca.depends_on(self.cost, self.jerk))
+
+    @cached_property
     def running(self) -> Terms:
         """The running cost of an instant, in (q, v, a), or in (q, v, a, jerk) if that occurs."""
-        has_rate = ca.depends_on(self.cost, self.jerk)
-        state = ca.vertcat(self.state, self.jerk) if has_rate else self.state
+        state = ca.vertcat(self.state, self.jerk) if self.has_rate else self.state
         return Terms(state, self.time, self.cost)
 
     def program(self, times: Array, more: Array) -> BlockProgram:
@@ -305,17 +309,19 @@ class _Parsed:
         at = instants(times, s)
         size = (len(durations) * (2 + _BASIS.bubbles) + 2) * n
         orders = range(self.running.size // n)
-        places = state_cells(_BASIS, times, n, s, orders)
+        cells = state_cells(_BASIS, times, n, s, orders)
         each = np.outer(durations, weights).ravel()
-        blocks = [Block(self.running, places, at[:, None], weights=each)]
-        if len(orders) > 3 and len(durations) > 1:
-            sides = (
-                state_matrix(_BASIS, times, n, times[1:-1], [2], before=before)
-                for before in (False, True)
+        blocks = [Block(self.running, cells, at[:, None], weights=each)]
+        if self.has_rate and len(durations) > 1:
+            after, before = (
+                state_matrix(_BASIS, times, n, times[1:-1], [2], before=each)
+                for each in (False, True)
             )
-            jump = Terms(self.jerk, None, 0.0, self.jerk)  # of q'' at the knots, by other symbols
+            # In [rad or m], as the variables are: accelerations are larger the finer the grid.
+            scale = np.repeat(np.minimum(durations[1:], durations[:-1]) ** 2, n)[:, None]
+            jump = Terms(self.jerk, None, 0.0, self.jerk)  # of q'', by any n symbols
             zeros = np.zeros((len(durations) - 1, n))
-            blocks.append(Block(jump, operator.sub(*sides), None, zeros, zeros))
+            blocks.append(Block(jump, (after - before).multiply(scale), None, zeros, zeros))
         if self.along:
             at = np.unique(np.concatenate([at, times, more]))
             terms = Terms(self.state, self.time, 0.0, stacked(self.along))
@@ -448,7 +454,8 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
 
         In this unit, Ipopt's tolerance is relative.
         """
-        beside = x + _TINY * np.random.default_rng(0).normal(size=x.size)
+        tiny = _TINY_OF_RATES if parsed.has_rate else _TINY
+        beside = x + tiny * np.random.default_rng(0).normal(size=x.size)
         values = [abs(float(program.functions["nlp"](each, [])[0])) for each in (x, beside)]
         return max(values) if 0.0 < max(values) < np.inf else 1.0
 
