@@ -73,3 +73,22 @@ def test_optimal_cuts_of_cubics_find_where_a_motion_changes() -> None:
     assert found.errors[found.counts == 1][0] > 1e-3
     with pytest.raises(ValueError, match="curve must be one of 'geodesic', 'cubic'"):
         go.synergies.segment_optimal(HUMAN, motion, count=2, curve="line")  # type: ignore[arg-type]
+
+
+def test_an_analysis_tells_what_each_method_receives() -> None:
+    analysis = go.analyse(ARM, wave(), segments=SEGMENTS)
+    table = analysis.second_order()
+    assert list(table.index) == [
+        "geodesics, kinetic energy with joint inertia",
+        "Riemannian cubics",
+        "minimum acceleration",
+        "Riemannian spline",
+        "cubic spline",
+    ]
+    assert table["receives for a segment"].iloc[1] == "2 configurations, 2 velocities"
+    errors = go.synergies.motion_errors(
+        ARM, analysis.motion, riemannian_cubics(analysis.metric, analysis.motion, SEGMENTS)
+    )
+    assert table["joints [rad]"].iloc[1] == errors.joint
+    assert table["joints [rad]"].iloc[0] == analysis.table()["joints [rad]"].iloc[0]
+    assert table["hand [m]"].iloc[1] == errors.position

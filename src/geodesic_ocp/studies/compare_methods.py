@@ -22,7 +22,6 @@ from geodesic_ocp.studies.paired_test import PairedTest, paired_test
 from geodesic_ocp.synergies.baselines import (
     distal_inertia,
     distal_joints,
-    minimum_acceleration,
     minimum_jerk,
     minimum_jerk_hand,
 )
@@ -35,11 +34,7 @@ from geodesic_ocp.synergies.least_effort import (
     least_effort,
 )
 from geodesic_ocp.synergies.scores import SCORES, Scores, score
-from geodesic_ocp.synergies.second_order import (
-    cubic_spline,
-    riemannian_cubics,
-    riemannian_spline,
-)
+from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, TWO_STATES
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.synergy import as_segments, reconstruct
 from geodesic_ocp.tables import markdown, new_table
@@ -211,23 +206,15 @@ class MethodComparison:
 
 _Segments = Sequence[tuple[int, int]]
 _Method = Callable[[Metric, Recording, _Segments], Motion]
-_TWO_STATES = "2 configurations, 2 velocities"
-_KNOTS = "1 configuration; 2 velocities of the recording"
+
+
+def _of_motion(predict: Callable[[Metric, Motion, _Segments], Motion]) -> _Method:
+    return lambda metric, given, segments: predict(metric, given.motion, segments)
+
+
 # Other predictions, from the first metric or from none, and what they receive.
 _OTHERS: dict[str, tuple[_Method, str]] = {
-    "Riemannian cubics": (
-        lambda metric, given, segments: riemannian_cubics(metric, given.motion, segments),
-        _TWO_STATES,
-    ),
-    "minimum acceleration": (
-        lambda _, given, segments: minimum_acceleration(given.motion, segments),
-        _TWO_STATES,
-    ),
-    "Riemannian spline": (
-        lambda metric, given, segments: riemannian_spline(metric, given.motion, segments),
-        _KNOTS,
-    ),
-    "cubic spline": (lambda _, given, segments: cubic_spline(given.motion, segments), _KNOTS),
+    **{name: (_of_motion(predict), received) for name, (predict, received) in SECOND_ORDER.items()},
     "minimum jerk": (
         lambda _, given, segments: minimum_jerk(given.motion, segments),
         "2 configurations, 2 velocities, 2 accelerations",
@@ -238,10 +225,10 @@ _OTHERS: dict[str, tuple[_Method, str]] = {
     ),
 }
 _SLOW: dict[str, tuple[type[ThroughStates], str]] = {
-    "least torque": (LeastTorque, _TWO_STATES),
-    "least torque change": (LeastTorqueChange, f"{_TWO_STATES}; torques continuous"),
-    "least work": (LeastWork, _TWO_STATES),
-    "least work and acceleration": (LeastWorkAndAcceleration, _TWO_STATES),
+    "least torque": (LeastTorque, TWO_STATES),
+    "least torque change": (LeastTorqueChange, f"{TWO_STATES}; torques continuous"),
+    "least work": (LeastWork, TWO_STATES),
+    "least work and acceleration": (LeastWorkAndAcceleration, TWO_STATES),
 }
 
 
@@ -252,7 +239,6 @@ def _effort(kind: type[ThroughStates]) -> _Method:
 
 
 _ALL = _OTHERS | {name: (_effort(kind), received) for name, (kind, received) in _SLOW.items()}
-_OF_A_GEODESIC = "2 configurations, 2 speeds"
 
 
 @shows_progress
@@ -358,7 +344,7 @@ def compare_methods(
         subjects=tuple(recording.subject for recording in recordings),
         methods=methods,
         segments=tuple(tuple(pieces) for pieces in cuts),
-        observed={method: _ALL.get(method, ((), _OF_A_GEODESIC))[1] for method in methods},
+        observed={method: _ALL.get(method, ((), OF_A_GEODESIC))[1] for method in methods},
         scores={method: tuple(scores[method]) for method in methods},
         failures=tuple(failures),
     )
