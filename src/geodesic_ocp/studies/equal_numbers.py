@@ -14,18 +14,24 @@ from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy, with_joint_i
 from geodesic_ocp.progress import Progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, metric_of
-from geodesic_ocp.synergies.optimal_segmentations import optimal_segmentations
+from geodesic_ocp.synergies.optimal_segmentations import (
+    OptimalSegmentations,
+    optimal_segmentations,
+)
 from geodesic_ocp.synergies.segment_costs import Curve, Measure
+from geodesic_ocp.synergies.spline_knots import SplineKnots, spline_knots
 from geodesic_ocp.tables import markdown
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_METHODS: dict[str, tuple[bool, Curve]] = {  # name: whether the metric is flat, and the curve
+_METHODS: dict[str, tuple[bool, Curve | None]] = {  # whether the metric is flat; None: a spline
     "geodesics": (False, "geodesic"),
     "straight lines": (True, "geodesic"),
     "Riemannian cubics": (False, "cubic"),
     "cubics of a constant metric": (True, "cubic"),
+    "Riemannian splines": (False, None),
+    "cubic splines": (True, None),
 }
 
 
@@ -81,12 +87,14 @@ def compare_at_equal_numbers(
     spacing: float = 0.1,
     progress: Progress | None = None,
 ) -> EqualNumbers:
-    """Compare geodesics, straight lines and cubics where all receive as much of the recordings.
+    """Compare geodesics, straight lines, cubics and splines that receive as much of recordings.
 
     Errors fall with what a method receives. At each cut and at both ends, geodesics and straight
     lines receive a configuration and a speed, n + 1 numbers, cubics a configuration and a velocity,
     2 n. Each method has the cuts with which it has the least error (`optimal_segmentations`); its
-    errors are interpolated between numbers of segments. The times of the cuts are not counted.
+    errors are interpolated between numbers of segments. Splines receive n numbers at each knot
+    and 2 n more for both end velocities; their knots are good, not the best (`spline_knots`),
+    and known for the joints alone. The times of cuts and knots are not counted.
 
     Args:
         recordings: one or more, see `read_recordings`.
@@ -107,7 +115,10 @@ def compare_at_equal_numbers(
     wanted = real_array(numbers, "numbers").ravel()
     if not wanted.size or not np.all((wanted > 0.0) & np.isfinite(wanted)):
         raise ValueError(f"numbers must be positive numbers per second, got {numbers!r}")
-    errors = np.full((len(_METHODS), len(given), wanted.size), np.nan)
+    methods = {
+        name: each for name, each in _METHODS.items() if each[1] is not None or measure == "joint"
+    }
+    errors = np.full((len(methods), len(given), wanted.size), np.nan)
     total = errors[..., 0].size
     for j, recording in enumerate(given):
         model, motion = recording.model, recording.motion
@@ -116,17 +127,23 @@ def compare_at_equal_numbers(
             if metric is None
             else metric_of("metric", metric, model)
         )
-        for i, (method, (is_flat, curve)) in enumerate(_METHODS.items()):
+        for i, (method, (is_flat, curve)) in enumerate(methods.items()):
             if progress is not None:
-                progress(f"{recording.name}: {method}", j * len(_METHODS) + i, total)
-            its = Euclidean(model.dof) if is_flat else curved
-            options = {"measure": measure, "model": model, "curve": curve, "spacing": spacing}
-            found = optimal_segmentations(its, motion, **options)  # type: ignore[arg-type]
-            each = 2 * model.dof if curve == "cubic" else model.dof + 1
-            received = each * (found.counts + 1) / motion.duration
+                progress(f"{recording.name}: {method}", j * len(methods) + i, total)
+            its, n = Euclidean(model.dof) if is_flat else curved, model.dof
+            found: SplineKnots | OptimalSegmentations
+            if curve is None:
+                found = spline_knots(its, motion, spacing=spacing)
+                received = n * (found.counts + 1) + 2 * n
+            else:
+                found = optimal_segmentations(
+                    its, motion, measure=measure, model=model, curve=curve, spacing=spacing
+                )
+                received = (2 * n if curve == "cubic" else n + 1) * (found.counts + 1)
+            received = received / motion.duration
             errors[i, j] = np.interp(wanted, received, found.errors, left=np.nan, right=np.nan)
     if progress is not None:
         progress("done", total, total)
     names = tuple(recording.name for recording in given)
     unit = "m" if measure == "position" else "rad"
-    return EqualNumbers(names, tuple(_METHODS), wanted, errors, unit)
+    return EqualNumbers(names, tuple(methods), wanted, errors, unit)
