@@ -37,6 +37,7 @@ from geodesic_ocp.recordings.recording import check_plausible
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
+from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
 from geodesic_ocp.synergies.synergy import (
     Reconstruction,
@@ -138,18 +139,43 @@ class Analysis:
         if unfiltered and not self.errors_unfiltered:
             raise ValueError("the unfiltered motion is not known: use Motion.filtered")
         errors = self.errors_unfiltered if unfiltered else self.errors
-        columns = [f"{hand} [{unit}]" for hand in hand_labels(self.model.hands) for unit in _UNITS]
-        rows = []
-        for method, label in self.labels().items():
-            entries: list[float] = [np.nan] * (1 + len(columns))
-            if method not in self.not_found:
-                values = errors[method]
-                hands = [(hand.position, hand.orientation) for hand in values.hands or [values]]
-                entries = [values.joint, *chain(*hands)]
-            rows.append((label, self.segment_counts.get(method), *entries))
+        rows = [
+            (label, self.segment_counts.get(method), *self._entries(errors.get(method)))
+            for method, label in self.labels().items()
+        ]
         lacking = ", ".join(self.labels()[method] for method in self.not_found)
         note = f"Not found: {lacking}." if lacking else ""
-        return new_table(("method", "segments", "joints [rad]", *columns), rows, note)
+        return new_table(("method", "segments", *self._columns), rows, note)
+
+    @property
+    def _columns(self) -> list[str]:
+        hands = hand_labels(self.model.hands)
+        return ["joints [rad]", *(f"{hand} [{unit}]" for hand in hands for unit in _UNITS)]
+
+    def _entries(self, errors: MotionErrors | None) -> list[float]:
+        """Return the errors in the order of the columns, NaN if there are none."""
+        if errors is None:
+            return [np.nan] * len(self._columns)
+        hands = [(hand.position, hand.orientation) for hand in errors.hands or [errors]]
+        return [errors.joint, *chain(*hands)]
+
+    def second_order(self) -> DataFrame:
+        """Return mean errors of cubics and splines on the same segments, beside the geodesics.
+
+        Riemannian cubics and splines are those of the metric; minimum acceleration and cubic
+        splines are their counterparts in a constant metric. Each row says what it receives for a
+        segment, besides the duration. Takes some ms for a segment.
+
+        Raises:
+            NotConverged: no cubic was found for a segment, or no spline.
+        """
+        own = self._entries(self.errors["riemannian"])
+        rows: list[tuple[object, ...]] = [(self.labels()["riemannian"], OF_A_GEODESIC, *own)]
+        for name, (predict, received) in SECOND_ORDER.items():
+            predicted = predict(self.metric, self.motion, self.segments)
+            errors = motion_errors(self.model, self.motion, predicted)
+            rows.append((name, received, *self._entries(errors)))
+        return new_table(("method", "receives for a segment", *self._columns), rows)
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""

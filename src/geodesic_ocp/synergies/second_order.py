@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.logarithm.cubics import cubic, spline
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.synergies.baselines import minimum_acceleration
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.motion import Motion
@@ -81,3 +82,16 @@ def _knots(
 
 def _like(motion: Motion, q: Array, velocity: Array) -> Motion:
     return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)
+
+
+OF_A_GEODESIC = "2 configurations, 2 speeds"
+TWO_STATES = "2 configurations, 2 velocities"
+_KNOTS = "1 configuration; 2 velocities of the recording"
+# The predictions by their names in tables, and what they receive for a segment.
+SECOND_ORDER: dict[str, tuple[Callable[[Metric, Motion, Sequence[tuple[int, int]]], Motion], str]]
+SECOND_ORDER = {
+    "Riemannian cubics": (riemannian_cubics, TWO_STATES),
+    "minimum acceleration": (lambda _, *given: minimum_acceleration(*given), TWO_STATES),
+    "Riemannian spline": (riemannian_spline, _KNOTS),
+    "cubic spline": (lambda _, *given: cubic_spline(*given), _KNOTS),
+}
