@@ -22,7 +22,7 @@ from geodesic_ocp.cli.options import (
 )
 from geodesic_ocp.cli.study import study
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
-from geodesic_ocp.errors import NotConverged, RecordingError
+from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.formats.delimited import save_motion
@@ -220,10 +220,7 @@ def _summarize(
     )
     kind = "filtered" if motion.filter else "observed" if fit is None else "fitted"
     print(f"\nmean errors against the {kind} recording\n\n{text(analysis.table())}")
-    try:
-        second = text(analysis.second_order())
-    except NotConverged as failure:
-        second = f"not found: {failure}"
+    second = text(analysis.second_order())
     print(f"\nthe same segments with velocities at their ends, or as splines\n\n{second}")
     if analysis.errors_unfiltered:  # not without a filter
         table = analysis.table(unfiltered=True)

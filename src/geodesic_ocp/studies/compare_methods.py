@@ -214,7 +214,7 @@ def _of_motion(predict: Callable[[Metric, Motion, _Segments], Motion]) -> _Metho
 
 # Other predictions, from the first metric or from none, and what they receive.
 _OTHERS: dict[str, tuple[_Method, str]] = {
-    **{name: (_of_motion(predict), received) for name, (predict, received) in SECOND_ORDER.items()},
+    **{name: (_of_motion(each.predict), each.receives) for name, each in SECOND_ORDER.items()},
     "minimum jerk": (
         lambda _, given, segments: minimum_jerk(given.motion, segments),
         "2 configurations, 2 velocities, 2 accelerations",

@@ -28,7 +28,8 @@ from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.joint_inertias import inertia_table, scaling_table
 from geodesic_ocp.studies.paired_test import as_confidence, holm, paired_test, rank_biserial
-from geodesic_ocp.studies.study_tables import new_rows
+from geodesic_ocp.studies.study_tables import key_of, new_rows
+from geodesic_ocp.synergies.second_order import SECOND_ORDER
 from geodesic_ocp.tables import latex, markdown
 
 if TYPE_CHECKING:
@@ -74,7 +75,25 @@ MEASURES = {
 }
 _SHOWN = ("joint", "position", "orientation")
 _OWN = "riemannian"
-_ORDER = (_OWN, "joint_inertia", "kinetic_energy", "euclidean_same_segments", "euclidean")
+_FIRST_ORDER = (
+    _OWN,
+    "joint_inertia",
+    "kinetic_energy",
+    "euclidean_same_segments",
+    "euclidean",
+    "ik",
+)
+_ORDER = (*_FIRST_ORDER, *map(key_of, SECOND_ORDER))
+# Methods of second order are compared with those that receive the same.
+_COUNTERPARTS = {
+    key_of(name): key_of(each.counterpart)
+    for name, each in SECOND_ORDER.items()
+    if each.counterpart is not None
+}
+_RECEIVED = [
+    "Riemannian cubics and minimum acceleration also receive the directions of the velocities at "
+    "the segments' ends, splines only the configurations there."
+]
 _LIKE_FOR_LIKE = f"{STRAIGHT_LINES}, same segments"
 _LEVELS = (0.25, 0.5, 0.75)
 _ROUNDING = 1e-12  # of the size of numbers that are equal
@@ -114,10 +133,11 @@ def _count(number: int, noun: str) -> str:
 
 
 class _Pairs(NamedTuple):
-    """Means (k, 2) of k subjects of a method under a condition and of the reference."""
+    """Means (k, 2) of k subjects of a method under a condition and of its reference."""
 
     condition: str
     method: str
+    against: str
     means: Array
     left_out: set[str]
 
@@ -244,6 +264,7 @@ class StudyResult:
             "Means over subjects of the subjects' means. SD: standard deviation over subjects. "
             "Intervals: of the mean, by Student's t.",
             *(unequal if len(counts) > 1 else []),
+            *(_RECEIVED if {*_COUNTERPARTS} & {*self.methods} else []),
             *self.notes,
         ]
         found.attrs["note"] = " ".join(sentences)
@@ -310,7 +331,8 @@ class StudyResult:
         Args:
             measure: see `means`.
             against: a method, by key or label, or a condition; by default straight lines on the
-                same segments.
+                same segments, and for methods of second order their counterparts in a constant
+                metric, which receive the same.
             confidence, seed: confidence and seed of the bootstrap interval of the mean difference,
                 see `paired_test`.
 
@@ -330,7 +352,6 @@ class StudyResult:
         from pandas import DataFrame
 
         _, key = self._reference(against)
-        label = self.methods.get(key, key)
         columns = [
             *("condition", "method", "against"),
             *("subjects", "left out", "smaller in", "larger in"),
@@ -347,7 +368,7 @@ class StudyResult:
             notes.append(test.note)
             rows.append(
                 (
-                    *(each.condition, each.method, label),
+                    *(each.condition, each.method, self.methods.get(each.against, each.against)),
                     *(test.pairs, len(each.left_out), test.wins, test.losses),
                     *(test.mean_difference, *test.interval, rank_biserial(a - b)),
                     *(test.sign_p, test.wilcoxon_p),
@@ -363,7 +384,7 @@ class StudyResult:
             f"{_count(len(rows), 'test')} by Holm's method."
         ]
         if not rows:
-            note = [f"No subject can be compared with {label}."]
+            note = [f"No subject can be compared with {self.methods.get(key, key)}."]
         elif most == 1:
             note.append("One subject only: there is nothing to test.")
         else:
@@ -383,13 +404,20 @@ class StudyResult:
         table = groups["value"].mean().unstack(compared).astype(float)
         people = self._rows.groupby("condition", observed=True)["subject"].unique().map(set)
         found = {}
-        for each in [name for name in table.columns if name != key and key in table.columns]:
-            means = table[[each, key]].dropna().groupby(same[:2], observed=True).mean()
+        own_references = dict.fromkeys(table.columns, key)
+        if against is None:
+            own_references |= {**_COUNTERPARTS, **{each: each for each in _COUNTERPARTS.values()}}
+        for each, reference in own_references.items():
+            if each == reference or not {each, reference} <= {*table.columns}:
+                continue
+            means = table[[each, reference]].dropna().groupby(same[:2], observed=True).mean()
             for other, own in means.groupby(level=0, observed=True):
                 condition, method = (other, each) if is_method else (each, other)
-                everybody = people[condition] | (set() if is_method else people[key])
+                everybody = people[condition] | (set() if is_method else people[reference])
                 left_out = everybody - {*own.index.get_level_values("subject")}
-                found[condition, method] = _Pairs(condition, method, own.to_numpy(), left_out)
+                found[condition, method] = _Pairs(
+                    condition, method, reference, own.to_numpy(), left_out
+                )
         order = product(self.conditions, self.methods)
         return [found[place] for place in order if place in found]
 
@@ -598,7 +626,8 @@ class StudyResult:
         with paper_style():
             if len(tests):
                 points = [each.means[:, 0] - each.means[:, 1] for each in pairs]
-                chosen, label = MEASURES[measure], str(tests["against"].iloc[0])
+                chosen, references = MEASURES[measure], tests["against"].unique()
+                label = str(references[0]) if len(references) == 1 else "the counterpart"
                 figures["differences"] = differences_figure(
                     tests, points, label, chosen.axis, chosen.scale
                 )

@@ -110,7 +110,7 @@ def recording_rows(analysis: Analysis) -> list[Row]:
         "threshold_rad": analysis.threshold,
     }
     labels = analysis.labels()
-    return [
+    rows = [
         same
         | {
             "method": method,
@@ -121,6 +121,20 @@ def recording_rows(analysis: Analysis) -> list[Row]:
         | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
         for method in (*analysis.errors, *analysis.not_found)
     ]
+    unfiltered = analysis.second_order_errors(unfiltered=True) if analysis.errors_unfiltered else {}
+    for name, errors in analysis.second_order_errors().items():
+        own: Row = {
+            "method": key_of(name),
+            "method_label": name,
+            "segments": len(analysis.segments),
+        }
+        rows.append(same | own | _errors(errors) | _errors(unfiltered.get(name), "_unfiltered"))
+    return rows
+
+
+def key_of(label: str) -> str:
+    """Return the method of a label of second order: "Riemannian cubics" -> "riemannian_cubics"."""
+    return label.lower().replace(" ", "_")
 
 
 def synergy_rows(analysis: Analysis) -> list[Row]:

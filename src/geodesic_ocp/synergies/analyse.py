@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from geodesic_ocp.drawing.arm_shapes import Postures
 from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
 from geodesic_ocp.drawing.best_view import across, best_view
 from geodesic_ocp.drawing.styles import new_figure, save_figure
-from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
     JOINT_INERTIA,
@@ -165,17 +166,38 @@ class Analysis:
         Riemannian cubics and splines are those of the metric; minimum acceleration and cubic
         splines are their counterparts in a constant metric. Each row says what it receives for a
         segment, besides the duration. Takes some ms for a segment.
-
-        Raises:
-            NotConverged: no cubic was found for a segment, or no spline.
         """
+        errors = self.second_order_errors()
         own = self._entries(self.errors["riemannian"])
         rows: list[tuple[object, ...]] = [(self.labels()["riemannian"], OF_A_GEODESIC, *own)]
-        for name, (predict, received) in SECOND_ORDER.items():
-            predicted = predict(self.metric, self.motion, self.segments)
-            errors = motion_errors(self.model, self.motion, predicted)
-            rows.append((name, received, *self._entries(errors)))
-        return new_table(("method", "receives for a segment", *self._columns), rows)
+        rows += [(k, each.receives, *self._entries(errors[k])) for k, each in SECOND_ORDER.items()]
+        lacking = ", ".join(name for name, found in errors.items() if found is None)
+        note = f"Not found: {lacking}." if lacking else ""
+        return new_table(("method", "receives for a segment", *self._columns), rows, note)
+
+    def second_order_errors(self, *, unfiltered: bool = False) -> dict[str, MotionErrors | None]:
+        """Return mean errors by the names in `second_order`; None for what was not found.
+
+        Args:
+            unfiltered: against the unfiltered motion, if it is known.
+        """
+        seen = self.motion
+        if unfiltered and seen.unfiltered is not None:
+            seen = Motion(seen.time, seen.unfiltered, seen.joint_names)
+        known = self.second_order_predictions
+        return {
+            name: motion_errors(self.model, seen, known[name]) if name in known else None
+            for name in SECOND_ORDER
+        }
+
+    @cached_property
+    def second_order_predictions(self) -> Mapping[str, Motion]:
+        """Cubics and splines on the same segments, by the names in `second_order`."""
+        found = {}
+        for name, each in SECOND_ORDER.items():
+            with suppress(NotConverged):
+                found[name] = each.predict(self.metric, self.motion, self.segments)
+        return found
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
@@ -248,7 +270,7 @@ class Analysis:
     def save(
         self, folder: str | FilePath, *, curve: Callable[[Axes], object] | None = None
     ) -> list[FilePath]:
-        """Write table.csv, table.md, figure.png, figure.pdf and synergies.json to the folder.
+        """Write table and second_order (.csv, .md), figure (.png, .pdf) and synergies.json.
 
         With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md. All are written
         to a temporary folder first and moved together; `load_synergies` reads the last.
@@ -266,7 +288,7 @@ class Analysis:
         return write_together(folder, partial(self._write, curve))
 
     def _write(self, curve: Callable[[Axes], object] | None, folder: FilePath) -> None:
-        tables = {"table": self.table()}
+        tables = {"table": self.table(), "second_order": self.second_order()}
         if self.errors_unfiltered:
             tables["table_unfiltered"] = self.table(unfiltered=True)
         save_tables(folder, tables)

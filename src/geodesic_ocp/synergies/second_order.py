@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -87,11 +88,21 @@ def _like(motion: Motion, q: Array, velocity: Array) -> Motion:
 OF_A_GEODESIC = "2 configurations, 2 speeds"
 TWO_STATES = "2 configurations, 2 velocities"
 _KNOTS = "1 configuration; 2 velocities of the recording"
-# The predictions by their names in tables, and what they receive for a segment.
-SECOND_ORDER: dict[str, tuple[Callable[[Metric, Motion, Sequence[tuple[int, int]]], Motion], str]]
+
+
+class SecondOrder(NamedTuple):
+    """A second-order prediction, what it receives for a segment, and its flat counterpart."""
+
+    predict: Callable[[Metric, Motion, Sequence[tuple[int, int]]], Motion]
+    receives: str
+    counterpart: str | None = None
+
+
+_FLAT_CUBIC, _FLAT_SPLINE = "minimum acceleration", "cubic spline"
+# By their names in tables.
 SECOND_ORDER = {
-    "Riemannian cubics": (riemannian_cubics, TWO_STATES),
-    "minimum acceleration": (lambda _, *given: minimum_acceleration(*given), TWO_STATES),
-    "Riemannian spline": (riemannian_spline, _KNOTS),
-    "cubic spline": (lambda _, *given: cubic_spline(*given), _KNOTS),
+    "Riemannian cubics": SecondOrder(riemannian_cubics, TWO_STATES, _FLAT_CUBIC),
+    _FLAT_CUBIC: SecondOrder(lambda _, *given: minimum_acceleration(*given), TWO_STATES),
+    "Riemannian spline": SecondOrder(riemannian_spline, _KNOTS, _FLAT_SPLINE),
+    _FLAT_SPLINE: SecondOrder(lambda _, *given: cubic_spline(*given), _KNOTS),
 }
