@@ -40,7 +40,7 @@ def endpoint_error(metric: go.Metric, motion: go.logarithm.RiemannianSpline) -> 
     """Distance of the end of SciPy's integration from that of the motion [rad and rad/s]."""
     rate = second_order(metric).rate
     found = solve_ivp(
-        lambda _, y: rate(y).full()[:, 0],
+        lambda _, y: rate(y, motion.tension**2).full()[:, 0],
         (0.0, motion.duration),
         motion.starts[0],
         method="DOP853",
@@ -57,8 +57,8 @@ def by_bvp(metric: go.Metric, q0, v0, q1, v1, duration) -> tuple[float, bool]:
 
     def slopes(_, y: np.ndarray) -> np.ndarray:
         full = y.shape[1] // 20 * 20
-        parts = [rate(y[:, i : i + 20]).full() for i in range(0, full, 20)]
-        return np.hstack([*parts, *(whole(y[:, i]).full() for i in range(full, y.shape[1]))])
+        parts = [rate(y[:, i : i + 20], 0.0).full() for i in range(0, full, 20)]
+        return np.hstack([*parts, *(whole(y[:, i], 0.0).full() for i in range(full, y.shape[1]))])
 
     def ends(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         n = len(q0)
