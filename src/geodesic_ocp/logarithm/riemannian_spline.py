@@ -186,14 +186,21 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         equation, square = spline_equation(self.metric), self.tension**2
         return np.array([equation(state, square).full()[:, 0] for state in self.at(t)])
 
+    def relative_residual(self, t: Array) -> float:
+        """Return the largest residual at times (k,), relative to the largest acceleration, or
+        velocity over the duration, over the square of the shortest interval.
+        """
+        sizes = np.abs(self(t, 2)).max(), np.abs(self(t, 1)).max() / self.duration
+        scale = max(sizes) / np.diff(self.times).min() ** 2
+        return float(np.abs(self.residual(t)).max() / scale) if scale > 0.0 else 0.0
+
     @cached_property
     def certificate(self) -> MotionCertificate:
         """The accuracy of the motion, and whether it is locally minimizing; takes a moment."""
         scaled = self._in_units
-        t = np.linspace(scaled.times[0], scaled.times[-1], _SAMPLES)
-        accelerations = scaled.states(t, 2)
-        scale = np.abs(accelerations).max() / np.diff(scaled.times).min() ** 2
-        residual = float(np.abs(scaled.residual(t)).max() / scale) if scale > 0.0 else 0.0
+        residual = scaled.relative_residual(
+            np.linspace(scaled.times[0], scaled.times[-1], _SAMPLES)
+        )
         stationary, negative = stationarity_and_index(*scaled._second_variation())
         at_bounds, others = self._optimal_times()
         return MotionCertificate(
@@ -268,8 +275,7 @@ class MotionCertificate(ShortRepr):
     Attributes:
         knot_error: largest difference of the integrated curves from the knots: of positions [rad or
             m], and of velocities times the mean interval.
-        residual: of D_t^3 q' + R(D_t q', q') q' - tension^2 D_t q' = 0, relative to the largest
-            acceleration over the square of the shortest interval.
+        residual: of D_t^3 q' + R(D_t q', q') q' - tension^2 D_t q' = 0, see `relative_residual`.
         boundary_residual: largest component of the momenta that vanish at free ends, relative to
             the largest of all momenta, in the mean interval as unit of time: of r where a velocity
             is free, and of p along the configurations with one pose where the hand's is given.
