@@ -30,6 +30,11 @@ class HandTarget(ShortRepr):
 
     _shown = ("position", "rotation")
 
+    @property
+    def size(self) -> int:
+        """Number m of conditions."""
+        return 3 * ((self.position is not None) + (self.rotation is not None))
+
     @cached_property
     def _functions(self) -> tuple[ca.Function, ca.Function]:
         """(q -> pose error (m,) and its Jacobian), (q, factors -> Hessian of their product)."""

@@ -30,7 +30,8 @@ _MAX_STEPS = 5000
 _SAMPLES, _SMALL = 50, 1e-9
 _TERMS = 20  # of the Stumpff functions, up to a tension of `LONGEST` intervals
 LONGEST = 5.0  # interval between knots, times the tension: motions grow by exp(5) in it
-SETTLED = 1e-6  # jump of the Hamiltonian at an optimal time, of the action over the mean interval
+BOUNDARY = 1e-6  # residual of natural boundary conditions at an optimal end
+_SETTLED = 1e-6  # jump of the Hamiltonian at an optimal time, of the action over the mean interval
 _AT_BOUND = 1e-9  # distance from a bound, of the duration
 
 
@@ -196,20 +197,21 @@ class RiemannianSpline(TimedMotion, ShortRepr):
 
     @cached_property
     def certificate(self) -> MotionCertificate:
-        """The accuracy of the motion, and whether it is locally minimizing; takes a moment."""
+        """What was checked of the motion, and whether it is locally minimizing; takes a moment."""
         scaled = self._in_units
         residual = scaled.relative_residual(
             np.linspace(scaled.times[0], scaled.times[-1], _SAMPLES)
         )
         stationary, negative = stationarity_and_index(*scaled._second_variation())
-        at_bounds, others = self._optimal_times()
+        at_bounds, others = self.optimal_times
         return MotionCertificate(
-            *(self.error, residual, scaled._boundary_residual(), stationary, negative),
+            *(self.error, residual, scaled.boundary_residual, stationary, negative),
             *(others, at_bounds),
         )
 
-    def _boundary_residual(self) -> float:
-        """Return the largest component of momenta that vanish at free ends, of all momenta."""
+    @property
+    def boundary_residual(self) -> float:
+        """The largest component of momenta that vanish at free ends, relative to all momenta."""
         n, first, last = self.metric.dim, self.starts[0], self.arrivals[-1]
         largest = np.abs(np.vstack([self.starts, self.arrivals])[:, 2 * n :]).max()
         free = [first[3 * n :][self.is_free[0, n:]], last[3 * n :][self.is_free[-1, n:]]]
@@ -218,16 +220,15 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         found = float(np.abs(np.concatenate(free)).max(initial=0.0))
         return found / float(largest) if largest > 0.0 else 0.0
 
-    def _optimal_times(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return times of knots at an active bound, and those at which the Hamiltonian does not
-        jump.
-        """
+    @property
+    def optimal_times(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Times of knots at an active bound, and those at which the Hamiltonian does not jump."""
         if self.time_bounds is None:
             return (), ()
         times, jumps = self.times[self.inner], self.hamiltonian_jumps
         lower, upper = np.abs(self.time_bounds - times) <= _AT_BOUND * self.duration
         is_active = (lower & (jumps > 0.0)) | (upper & (jumps < 0.0))
-        is_settled = np.abs(jumps) <= SETTLED * self.action / self.unit
+        is_settled = np.abs(jumps) <= _SETTLED * self.action / self.unit
         return tuple(times[is_active].tolist()), tuple(times[is_settled & ~is_active].tolist())
 
     def _second_variation(self) -> tuple[Array, scipy.sparse.csc_array]:
