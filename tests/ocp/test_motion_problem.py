@@ -177,7 +177,8 @@ def test_a_motion_of_no_cost_is_found() -> None:
         def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
             return [(q0, self.start), (q1, self.goal)]
 
-    assert go.solve(Free(goal=(0.0,))).cost == pytest.approx(0.0, abs=1e-12)
+    for goal in (0.0, 1.0):
+        assert go.solve(Free(goal=(goal,))).cost == pytest.approx(0.0, abs=1e-12)
     assert go.solve(FromRestToRest(HUMAN, 0.5, Q0, Q0)).cost == pytest.approx(0.0, abs=1e-12)
 
 

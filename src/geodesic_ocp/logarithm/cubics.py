@@ -104,7 +104,8 @@ def spline(
     between the configurations as the tension grows.
 
     With bounds of the times, those between the ends are optimal: the Hamiltonian does not jump at
-    them, or a bound is active, see `MotionCertificate`. This is a local minimum near `times`.
+    them, or a bound is active, see `MotionCertificate`. This is a local minimum near `times`, with
+    no interval shorter than a tenth of the mean one, or half of the shortest in `times`.
 
     Args:
         metric: metric of the manifold.

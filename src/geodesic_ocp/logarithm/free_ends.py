@@ -20,7 +20,7 @@ from geodesic_ocp.logarithm.riemannian_spline import BOUNDARY, Mask, RiemannianS
 from geodesic_ocp.logarithm.spline_search import least_action
 from geodesic_ocp.manifold.metric import Metric
 
-_SHORTEST = 1e-3  # interval between free times, of the mean one
+_SHORTEST = 0.1  # interval between free times, of the mean one
 _ITERATIONS, _DECREASE = 200, 1e-15
 _TOO_FAR = 1e6  # action where no spline was found, relative to that of the guess
 
@@ -102,7 +102,8 @@ class FreeSpline:
             raise NotConverged(
                 "no optimal times or end were found: "
                 f"{outcome.message}, after {outcome.nit} iterations; the residual of the natural "
-                f"boundary conditions is {residual:.1e}"
+                f"boundary conditions is {residual:.1e}, the shortest interval "
+                f"{np.diff(found.times).min():.1e} of the mean one"
             )
         return found
 
@@ -112,7 +113,8 @@ class FreeSpline:
         if free:
             differences = np.diff(np.eye(free + 2), axis=0)
             first, last = self.times[[0, -1]]
-            offset = last * differences[:, -1] + first * differences[:, 0] - _SHORTEST
+            shortest = min(_SHORTEST, float(np.diff(self.times).min()) / 2.0)
+            offset = last * differences[:, -1] + first * differences[:, 0] - shortest
             inner = np.hstack([differences[:, 1:-1], np.zeros((free + 1, size - free))])
             yield {"type": "ineq", "fun": lambda z: inner @ z + offset, "jac": lambda _: inner}
         if (hand := self.hand) is not None:

@@ -444,7 +444,8 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
         motion = replace(motion, violation=(amount, name))
         following = motion.times, motion.knots, motion.coefficients
         change = abs(costs[-1] - costs[-2]) if number else np.inf
-        if not motion.success and change <= _ROUNDING * unit and amount <= _VIOLATION:
+        rounding = min(change, abs(costs[-1]))  # a cost that vanishes does not decrease further
+        if not motion.success and rounding <= _ROUNDING * unit and amount <= _VIOLATION:
             status = "the cost changes by rounding alone"
             return (replace(motion, success=True, status=status), more), None
         if not motion.success:
