@@ -2,6 +2,8 @@
 
     python benchmarks/cubics.py --count 1000 --bvp 20
 
+Also in tension, with a pose of the hand as the end, and splines whose times are optimal.
+
 Pairs of configurations within the joint limits and end velocities of up to 3 rad/s, random in all
 joints. Every cubic found is verified by SciPy: Hamilton's equations are integrated from its initial
 state over the whole duration by DOP853, in Python.
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from contextlib import suppress
 
 import numpy as np
 from scipy.integrate import solve_bvp, solve_ivp
@@ -40,7 +43,7 @@ def endpoint_error(metric: go.Metric, motion: go.logarithm.RiemannianSpline) -> 
     """Distance of the end of SciPy's integration from that of the motion [rad and rad/s]."""
     rate = second_order(metric).rate
     found = solve_ivp(
-        lambda _, y: rate(y).full()[:, 0],
+        lambda _, y: rate(y, motion.tension**2).full()[:, 0],
         (0.0, motion.duration),
         motion.starts[0],
         method="DOP853",
@@ -50,6 +53,46 @@ def endpoint_error(metric: go.Metric, motion: go.logarithm.RiemannianSpline) -> 
     return float(np.abs(found.y[: motion.end.size, -1] - motion.end).max())
 
 
+def variants(arm: go.Model, metric: go.Metric, pairs: list[tuple[np.ndarray, ...]]) -> None:
+    """Print times and numbers found of cubics in tension, to poses, and of splines in free time."""
+    rng = np.random.default_rng(1)
+
+    def in_tension(tension: float, q0, v0, q1, v1, duration) -> bool:
+        go.cubic(metric, q0, v0, q1, v1, duration, tension=tension)
+        return True
+
+    def to_pose(has_rotation: bool, q0, v0, q1, v1, duration) -> bool:
+        rotation, position = arm.hand_pose(q1)
+        pose = {"position": position} | ({"rotation": rotation} if has_rotation else {})
+        found = go.cubic(metric, q0, v0, None, np.zeros(arm.dof), duration, **pose)
+        return found.boundary_residual < 1e-6
+
+    def in_free_time(knots: int, q0, v0, q1, v1, duration) -> bool:
+        s = np.linspace(0.0, 1.0, knots)
+        points = q0 + s[:, None] * (q1 - q0)
+        points[1:-1] += rng.uniform(-0.1, 0.1, (knots - 2, arm.dof))
+        ends = {"v0": np.zeros(arm.dof), "v1": np.zeros(arm.dof)}
+        found = go.spline(metric, 2.0 * s, points, **ends, time_bounds=(0.0, 2.0))
+        return sum(map(len, found.optimal_times)) == knots - 2
+
+    rows = [(f"tension {each:g}/s", in_tension, each) for each in (1.0, 10.0, 100.0)]
+    rows += [
+        ("to a position of the hand", to_pose, False),
+        ("to a pose of the hand", to_pose, True),
+    ]
+    rows += [(f"spline, {each} times free", in_free_time, each + 2) for each in (1, 3)]
+    for name, solve, argument in rows:
+        seconds, found = [], 0
+        for pair in pairs:
+            start = time.perf_counter()
+            with suppress(go.NotConverged):
+                found += solve(argument, *pair)
+            seconds.append(time.perf_counter() - start)
+        percentiles = np.percentile(seconds, [50, 90]) * 1e3
+        print(f"{name}: {found} of {len(pairs)}, ms: median {percentiles[0]:.1f}, ", end="")
+        print(f"p90 {percentiles[1]:.1f}")
+
+
 def by_bvp(metric: go.Metric, q0, v0, q1, v1, duration) -> tuple[float, bool]:
     """Seconds and success of scipy's solve_bvp on Hamilton's equations."""
     rate = second_order(metric).rate.map(20)
@@ -57,8 +100,8 @@ def by_bvp(metric: go.Metric, q0, v0, q1, v1, duration) -> tuple[float, bool]:
 
     def slopes(_, y: np.ndarray) -> np.ndarray:
         full = y.shape[1] // 20 * 20
-        parts = [rate(y[:, i : i + 20]).full() for i in range(0, full, 20)]
-        return np.hstack([*parts, *(whole(y[:, i]).full() for i in range(full, y.shape[1]))])
+        parts = [rate(y[:, i : i + 20], 0.0).full() for i in range(0, full, 20)]
+        return np.hstack([*parts, *(whole(y[:, i], 0.0).full() for i in range(full, y.shape[1]))])
 
     def ends(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         n = len(q0)
@@ -78,6 +121,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--bvp", type=int, default=20, help="pairs that solve_bvp solves as well")
+    parser.add_argument("--variants", type=int, default=100, help="pairs in tension, to poses, ...")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--check", action="store_true", help="exit 1 if a cubic is not found")
     options = parser.parse_args()
@@ -102,6 +146,8 @@ def main() -> int:
     print("ms: median {:.2f}, p90 {:.2f}, p99 {:.2f}, largest {:.1f}".format(*percentiles))
     largest = np.percentile(errors, [50, 99, 100])
     print("difference from SciPy: median {:.1e}, p99 {:.1e}, largest {:.1e}".format(*largest))
+    if options.variants:
+        variants(arm, metric, pairs[: options.variants])
     if options.bvp:
         results = np.array([by_bvp(metric, *each) for each in pairs[: options.bvp]])
         print(

@@ -1,4 +1,4 @@
-"""Compute the table of known geodesics, src/geodesic_ocp/data/known_geodesics.json.
+"""Compute the table of known geodesics and cubics, src/geodesic_ocp/data/known_geodesics.json.
 
 Usage:  python tools/known_geodesics.py [--check]
 
@@ -793,6 +793,180 @@ def urdf_arms() -> list[Entry]:
     ]
 
 
+# -- Riemannian cubics -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Cubic:
+    """A Riemannian cubic q(t), t in [0, duration], in closed form.
+
+    Attributes:
+        name: unique in the table.
+        metric: description of the metric, with its kind.
+        duration: of the motion [s].
+        motion: q(t) and q'(t).
+        action: int (|D_t q'|^2 + tension^2 |q'|^2) / 2 dt.
+        source: where it comes from, a sentence.
+        tension: zero for cubics [1/s].
+    """
+
+    name: str
+    metric: Mapping[str, Any]
+    duration: float
+    motion: Callable[[float], tuple[Array, Array]]
+    action: float
+    source: str
+    tension: float = 0.0
+
+
+class TimeLaw:
+    """An arc length s(t): a cubic polynomial, or c0 + c1 t + a cosh(k t) + b sinh(k t).
+
+    With s'''' = k^2 s'', any geodesic at this arc length is a cubic in tension k: with its unit
+    velocity e, D_t q' = s'' e, and R(s'' e, s' e) vanishes.
+    """
+
+    def __init__(self, coefficients: Sequence[float], tension: float = 0.0) -> None:
+        self.coefficients, self.tension = np.array(coefficients), tension
+
+    def __call__(self, t: float, order: int = 0) -> float:
+        """Derivative of this order at t."""
+        if self.tension == 0.0:
+            polynomial = np.polynomial.Polynomial(self.coefficients)
+            return float((polynomial.deriv(order) if order else polynomial)(t))
+        c0, c1, a, b = self.coefficients
+        pair = [np.cosh(self.tension * t), np.sinh(self.tension * t)]
+        pair = pair[::-1] if order % 2 else pair
+        line = (c0 + c1 * t, c1, 0.0)[order]
+        return float(line + self.tension**order * (a * pair[0] + b * pair[1]))
+
+    def action(self, duration: float) -> float:
+        """Half of the integral of s''^2 + tension^2 s'^2."""
+        square = self.tension**2
+        return integral(lambda t: self(t, 2) ** 2 + square * self(t, 1) ** 2, 0.0, duration) / 2.0
+
+
+def great_circle_cubic(name: str, law: TimeLaw, duration: float) -> Cubic:
+    """Along a great circle."""
+    start, tangent = np.array([0.8, 0.0, 0.6]), np.array([-0.36, 0.8, 0.48])
+
+    def motion(t: float) -> tuple[Array, Array]:
+        c, s = np.cos(law(t)), np.sin(law(t))
+        x, rate = c * start + s * tangent, law(t, 1) * (c * tangent - s * start)
+        around = np.hypot(x[0], x[1])
+        turning = (x[0] * rate[1] - x[1] * rate[0]) / around**2
+        q = [np.arctan2(around, x[2]), np.arctan2(x[1], x[0])]
+        return np.array(q), np.array([-rate[2] / around, turning])
+
+    source = "Great circle of arc length s(t) with s'''' = tension^2 s''."
+    action = law.action(duration)
+    return Cubic(name, {"kind": "sphere"}, duration, motion, action, source, law.tension)
+
+
+def vertical_line_cubic() -> Cubic:
+    """Along a vertical line of the half-plane."""
+    law, duration = TimeLaw([-0.2, 0.3, 1.1, -0.7]), 1.2
+
+    def motion(t: float) -> tuple[Array, Array]:
+        height = float(np.exp(law(t)))
+        return np.array([0.5, height]), np.array([0.0, law(t, 1) * height])
+
+    source = "Vertical line y = exp(s) with a cubic time law s(t)."
+    name, metric = "half-plane, vertical line", {"kind": "half-plane"}
+    return Cubic(name, metric, duration, motion, law.action(duration), source)
+
+
+def helix_cubic() -> Cubic:
+    """Along a helix on a cylinder."""
+    radius, law, duration = 0.7, TimeLaw([0.1, 1.5, -2.0, 1.2]), 1.0
+    along = np.array([0.6, 0.8 / radius])
+
+    def motion(t: float) -> tuple[Array, Array]:
+        return law(t) * along, law(t, 1) * along
+
+    metric = {"kind": "surface of revolution", "profile": "cylinder", "radius": radius}
+    source = "Helix of arc length s with a cubic time law s(t)."
+    return Cubic("cylinder, helix", metric, duration, motion, law.action(duration), source)
+
+
+def plane_cubic() -> Cubic:
+    """Cubic polynomials in Cartesian coordinates."""
+    x, y = TimeLaw([1.0, 0.3, -0.4, 0.2]), TimeLaw([0.2, 0.9, 0.5, -0.6])
+
+    def motion(t: float) -> tuple[Array, Array]:
+        position = np.array([x(t), y(t)])
+        dx, dy, radius = x(t, 1), y(t, 1), np.hypot(*position)
+        rate = [(x(t) * dx + y(t) * dy) / radius, (x(t) * dy - y(t) * dx) / radius**2]
+        return polar(position, 0.0), np.array(rate)
+
+    name, metric = "plane in polar coordinates", {"kind": "polar plane"}
+    source = "Cubic polynomials in Cartesian coordinates."
+    return Cubic(name, metric, 1.0, motion, x.action(1.0) + y.action(1.0), source)
+
+
+def circle_of_curvature_one() -> Cubic:
+    """The parallel at 45 degrees of the unit sphere, at constant speed: no geodesic."""
+    speed, duration = 1.3, 1.1
+    rate = np.array([0.0, np.sqrt(2.0) * speed])
+
+    def motion(t: float) -> tuple[Array, Array]:
+        return np.array([np.pi / 4.0, 0.2]) + t * rate, rate
+
+    source = (
+        "Circle of geodesic curvature k at constant speed c, with normal n: D_t^3 q' = -k^3 c^4 n "
+        "and R(D_t q', q') q' = k c^4 n, so that k = 1."
+    )
+    name, metric = "sphere, circle of geodesic curvature 1", {"kind": "sphere"}
+    return Cubic(name, metric, duration, motion, speed**4 * duration / 2.0, source)
+
+
+def lie_quadratic() -> Cubic:
+    """Two rotations at constant rates about two axes at right angles: no geodesic."""
+    a, b, duration = 1.4, 0.9, 1.0
+
+    def turn(axis: int, angle: float) -> Array:
+        c, s = np.cos(angle), np.sin(angle)
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        return np.roll(about_x, (axis, axis), (0, 1))
+
+    first = turn(0, 0.4) @ turn(1, -0.5) @ turn(2, 0.3)
+
+    def motion(t: float) -> tuple[Array, Array]:
+        m = first @ turn(0, b * t) @ turn(2, a * t)
+        x, y, z = b * np.cos(a * t), -b * np.sin(a * t), a  # the body's angular velocity
+        rate = m @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        square = 1.0 - m[0, 2] ** 2
+        angles = [np.arctan2(-m[1, 2], m[2, 2]), np.arcsin(m[0, 2]), np.arctan2(-m[0, 1], m[0, 0])]
+        rates = [
+            (m[1, 2] * rate[2, 2] - m[2, 2] * rate[1, 2]) / square,
+            rate[0, 2] / np.sqrt(square),
+            (m[0, 1] * rate[0, 0] - m[0, 0] * rate[0, 1]) / square,
+        ]
+        return np.array(angles), np.array(rates)
+
+    source = (
+        "R(t) = R(0) exp(b t e_x) exp(a t e_z): the body's angular velocity "
+        "V = (b cos a t, -b sin a t, a) satisfies V''' = V'' x V, a Lie quadratic that is not null "
+        "(Noakes, J. Math. Phys. 44, 2003)."
+    )
+    name, metric = "rotations, Lie quadratic", {"kind": "rotations"}
+    return Cubic(name, metric, duration, motion, (a * b) ** 2 * duration / 2.0, source)
+
+
+def cubics() -> list[Cubic]:
+    """All Riemannian cubics of the table."""
+    law, in_tension = TimeLaw([0.1, 0.4, 1.2, -0.6]), TimeLaw([0.1, 0.9, 0.08, -0.06], 4.0)
+    return [
+        great_circle_cubic("sphere, great circle", law, 1.0),
+        great_circle_cubic("sphere, great circle in tension", in_tension, 0.8),
+        vertical_line_cubic(),
+        helix_cubic(),
+        plane_cubic(),
+        circle_of_curvature_one(),
+        lie_quadratic(),
+    ]
+
+
 # -- the table -------------------------------------------------------------------------------------
 
 
@@ -841,14 +1015,29 @@ def record(entry: Entry) -> dict[str, Any]:
     return {**fields, "source": entry.source}
 
 
-def written(records: Sequence[Mapping[str, Any]]) -> str:
+def record_of_cubic(cubic: Cubic) -> dict[str, Any]:
+    """The cubic as in the table."""
+    (q0, v0), (q1, v1) = cubic.motion(0.0), cubic.motion(cubic.duration)
+    ends = {"q0": q0, "v0": v0, "q1": q1, "v1": v1}
+    fields: dict[str, Any] = {"name": cubic.name, "metric": dict(cubic.metric)}
+    fields |= {name: numbers(values) for name, values in ends.items()}
+    fields |= {"duration": cubic.duration, "tension": cubic.tension}
+    fields |= {"action": round(cubic.action, DECIMALS), "tolerance": LOG_TOLERANCE}
+    points = ((s, cubic.motion(s * cubic.duration)[0]) for s in QUARTERS)
+    fields["points"] = [{"s": s, "q": numbers(q)} for s, q in points]
+    return fields | {"source": cubic.source}
+
+
+def written(lists: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     """The table as JSON, with one line for each field."""
-    blocks = []
-    for fields in records:
-        lines = [f"      {json.dumps(key)}: {json.dumps(value)}" for key, value in fields.items()]
-        blocks.append("    {\n" + ",\n".join(lines) + "\n    }")
-    head = f'  "format": {json.dumps(FORMAT)},\n  "version": {VERSION},\n'
-    return "{\n" + head + '  "entries": [\n' + ",\n".join(blocks) + "\n  ]\n}\n"
+    parts = [f'  "format": {json.dumps(FORMAT)}', f'  "version": {VERSION}']
+    for name, records in lists.items():
+        blocks = []
+        for fields in records:
+            lines = [f"      {json.dumps(key)}: {json.dumps(each)}" for key, each in fields.items()]
+            blocks.append("    {\n" + ",\n".join(lines) + "\n    }")
+        parts.append(f"  {json.dumps(name)}: [\n" + ",\n".join(blocks) + "\n  ]")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
 def difference(a: Any, b: Any) -> float:
@@ -870,7 +1059,8 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="compare with the table in the file")
     arguments = parser.parse_args()
     file = DATA / "known_geodesics.json"
-    table = written([record(entry) for entry in entries()])
+    lists = {"entries": [record(entry) for entry in entries()]}
+    table = written(lists | {"cubics": [record_of_cubic(cubic) for cubic in cubics()]})
     if not arguments.check:
         file.write_text(table, encoding="utf-8")
         print(f"written: {file}")

@@ -1,4 +1,4 @@
-"""Known geodesics: metrics from their descriptions in a table, and checks against them.
+"""Known geodesics and cubics: metrics from their descriptions in a table, and checks against them.
 
 The project's own is made by tools/known_geodesics.py, which shares no code with the package.
 """
@@ -7,18 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, astuple, dataclass, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import as_number, as_positive
+from geodesic_ocp.arrays import as_not_negative, as_number, as_positive
 from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.logarithm.cubics import cubic
 from geodesic_ocp.logarithm.log import log
+from geodesic_ocp.logarithm.riemannian_spline import RiemannianSpline
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy
@@ -31,6 +33,9 @@ from geodesic_ocp.tables import new_table, text
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+Pair: TypeAlias = tuple[ArrayLike, ArrayLike]  # found and expected
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,20 @@ class SurfaceOfRevolution(Metric):
     def matrix(self, q: Any) -> Any:
         """Return diag(e(u)^2, r(u)^2), (2, 2)."""
         return ca.diag(ca.vertcat(self.stretch(q[0]) ** 2, self.radius(q[0]) ** 2))
+
+
+@dataclass(frozen=True)
+class Rotations(Metric):
+    """The rotations in angles about x, y and z, R = R_x R_y R_z: ds^2 = |omega|^2 dt^2, with the
+    angular velocity omega.
+    """
+
+    dim = 3
+
+    def matrix(self, q: Any) -> Any:
+        """Return J' J, (3, 3), where J takes rates of the angles to the angular velocity."""
+        sine = ca.sin(q[1])
+        return ca.blockcat([[1, 0, sine], [0, 1, 0], [sine, 0, 1]])
 
 
 def planar_arm(
@@ -128,6 +147,7 @@ _WITHOUT_FIELDS: dict[str, Metric] = {
     "sphere": SurfaceOfRevolution(ca.sin),
     "half-plane": HalfPlane(),
     "polar plane": SurfaceOfRevolution(lambda u: u),
+    "rotations": Rotations(),
 }
 _LINKS = ("lengths", "masses", "centres", "inertias")
 _FIELDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # those it needs, those it may have
@@ -247,6 +267,41 @@ class KnownGeodesic:
     points: tuple[tuple[float, tuple[float, ...]], ...] = ()
 
 
+@dataclass(frozen=True)
+class KnownCubic:
+    """A Riemannian cubic q(t), t in [0, duration], or a cubic in tension, that is known from
+    elsewhere.
+
+    Attributes:
+        name: name of the entry.
+        metric: description of the metric, see `metric_of`.
+        q0, q1: where it starts and ends, (n,) [rad or m].
+        v0, v1: velocities there (n,) [per s].
+        duration: of the motion [s].
+        tension: zero for Riemannian cubics [1/s].
+        action: int (|D_t q'|^2 + tension^2 |q'|^2) / 2 dt.
+        tolerance: of positions, and of the action relative to it.
+        source: where the values come from.
+        points: s = t / duration and q(t) on the way.
+    """
+
+    name: str
+    metric: Mapping[str, Any]
+    q0: tuple[float, ...]
+    v0: tuple[float, ...]
+    q1: tuple[float, ...]
+    v1: tuple[float, ...]
+    duration: float
+    tension: float
+    action: float
+    tolerance: float
+    source: str
+    points: tuple[tuple[float, tuple[float, ...]], ...]
+
+
+Known = TypeVar("Known", KnownGeodesic, KnownCubic)
+
+
 def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[KnownGeodesic, ...]:
     """Return the known geodesics of a table in JSON, by default those that come with the package.
 
@@ -256,6 +311,15 @@ def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[Known
         ValueError: the file cannot be read or an entry is not as it should be; names the file, the
             entry and the field.
     """
+    return _read(file, "entries", KnownGeodesic)
+
+
+def read_known_cubics(file: str | PathLike[str] | None = None) -> tuple[KnownCubic, ...]:
+    """Return the known cubics of a table, as `read_known_geodesics`."""
+    return _read(file, "cubics", KnownCubic)
+
+
+def _read(file: str | PathLike[str] | None, name: str, kind: type[Known]) -> tuple[Known, ...]:
     path = BUNDLED if file is None else Path(file)
     try:
         record = parse_json(path.read_text(encoding="utf-8"))
@@ -267,15 +331,19 @@ def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[Known
         raise ValueError(f'{path}: "format" must be {FORMAT!r}')
     if record.get("version") != VERSION:
         raise ValueError(f'{path}: "version" must be {VERSION}, is {record.get("version")!r}')
-    entries = record.get("entries")
-    if not isinstance(entries, list) or not entries:
-        raise ValueError(f'{path}: "entries" must be a list of at least one known geodesic')
-    known: list[KnownGeodesic] = []
-    for number, given in enumerate(entries, start=1):
+    lists = [record.get(each, []) for each in ("entries", "cubics")]
+    if not all(isinstance(each, list) for each in lists) or not any(lists):
+        raise ValueError(
+            f'{path}: "entries" must be a list of known geodesics, "cubics" one of known cubics, '
+            "and at least one of them must have one"
+        )
+    known: list[Known] = []
+    for number, given in enumerate(record.get(name, []), start=1):
         named = isinstance(given, dict) and isinstance(given.get("name"), str)
-        what = f"entry {number} ({given['name']!r})" if named else f"entry {number}"
+        what = "cubic" if name == "cubics" else "entry"
+        what += f" {number} ({given['name']!r})" if named else f" {number}"
         try:
-            entry = _entry(given, path.parent)
+            entry = _entry(given, kind, path.parent)
         except ValueError as failure:
             raise ValueError(f"{path}: {what}: {failure}") from None
         if entry.name in (other.name for other in known):
@@ -284,29 +352,29 @@ def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[Known
     return tuple(known)
 
 
-def _entry(given: object, folder: Path) -> KnownGeodesic:
-    needed = [each.name for each in fields(KnownGeodesic) if each.default is MISSING]
+def _entry(given: object, kind: type[Known], folder: Path) -> Known:
+    possible = [each.name for each in fields(kind)]
+    needed = [each.name for each in fields(kind) if each.default is MISSING]
     if not isinstance(given, dict):
         raise ValueError(f"must be an object with the fields {', '.join(needed)}")
     for name in needed:
         if name not in given:
             raise ValueError(f"{name} is missing")
     for name in given:
-        if name not in _CONVERSIONS:
-            raise ValueError(f"{name} is not a field; there are {', '.join(_CONVERSIONS)}")
-    entry = KnownGeodesic(
-        **{name: _CONVERSIONS[name](name, value) for name, value in given.items()}
-    )
-    lists = {"v0": entry.v0, "q1": entry.q1}
+        if name not in possible:
+            raise ValueError(f"{name} is not a field; there are {', '.join(possible)}")
+    entry = kind(**{name: _CONVERSIONS[name](name, value) for name, value in given.items()})
+    lists = {name: getattr(entry, name) for name in ("v0", "q1", "v1") if name in given}
     lists |= {f"points[{index}]: q": q for index, (_, q) in enumerate(entry.points)}
     for name, numbers in lists.items():
         if len(numbers) != len(entry.q0):
             raise ValueError(
                 f"{name} must have {len(entry.q0)} numbers as q0 has, got {len(numbers)}"
             )
-    for name in ("exp", "log") if entry.log else ("exp",):
-        if name not in entry.tolerances:
-            raise ValueError(f"tolerances: {name!r} is missing")
+    if isinstance(entry, KnownGeodesic):
+        for name in ("exp", "log") if entry.log else ("exp",):
+            if name not in entry.tolerances:
+                raise ValueError(f"tolerances: {name!r} is missing")
     if "file" not in entry.metric:
         return entry
     file = _text("metric: file", entry.metric["file"])
@@ -359,12 +427,15 @@ def _points(name: str, given: object) -> tuple[tuple[float, tuple[float, ...]], 
     return tuple(points)
 
 
-# Of the fields of `KnownGeodesic`, from their names and values in JSON.
+# Of the fields of `KnownGeodesic` and `KnownCubic`, from their names and values in JSON.
 _CONVERSIONS: dict[str, Callable[[str, Any], Any]] = {
     "name": _text,
     "metric": lambda _, value: check_description(value),
-    **dict.fromkeys(("q0", "v0", "q1"), _vector),
-    "length": partial(_number, convert=as_positive),
+    **dict.fromkeys(("q0", "v0", "q1", "v1"), _vector),
+    **dict.fromkeys(
+        ("length", "duration", "action", "tolerance"), partial(_number, convert=as_positive)
+    ),
+    "tension": partial(_number, convert=as_not_negative),
     "log": _truth,
     "tolerances": _tolerances,
     "source": _text,
@@ -378,11 +449,12 @@ _FAILURES = (GeodesicOcpError, ValueError, RuntimeError)
 
 @dataclass(frozen=True)
 class Check:
-    """One quantity of a known geodesic, as computed by the package.
+    """One quantity of a known geodesic or cubic, as computed by the package.
 
     Attributes:
-        name: name of the known geodesic.
-        quantity: "exp", "length", "path" or "log"; "metric" where there is not even that.
+        name: name of the known geodesic or cubic.
+        quantity: "exp", "length", "path" or "log" of a geodesic; "cubic", "action" or "equation" of
+            a cubic; "metric" where there is not even that.
         backend: backend of the symbolic rigid-body algorithms; "-" where the metric needs none.
         error: largest difference of any coordinate; inf where there is no result.
         tolerance: what is allowed.
@@ -414,49 +486,84 @@ def check_geodesic(known: KnownGeodesic, backend: str | None = None) -> list[Che
     Raises:
         ValueError: the back end is unknown or cannot be imported here.
     """
-    used = choose_backend(backend) if has_model(known.metric) else None
     start, tolerance = (known.q0, known.v0), known.tolerances["exp"]
 
-    def check(quantity: str, found: Callable[[], tuple[ArrayLike, ArrayLike]]) -> Check:
-        """Compare what is found and what is expected."""
-        allowed = known.tolerances["log"] if quantity == "log" else tolerance
-        try:
-            error, message = float(np.abs(np.subtract(*found())).max()), ""
-        except _FAILURES as failure:
-            error, message = np.inf, str(failure)
-        return Check(known.name, quantity, used or "-", error, allowed, message)
-
-    try:
-        metric = metric_of(known.metric, used)
-    except _FAILURES as failure:
-        return [Check(known.name, "metric", used or "-", np.inf, tolerance, str(failure))]
-
-    def on_the_way() -> tuple[ArrayLike, ArrayLike]:
+    def on_the_way(metric: Metric) -> Pair:
         times, points = zip(*known.points, strict=True)
         found, _ = sample_geodesic(metric, *start, [0.0, *times], tolerance=tolerance)
         return found[1:], points
 
-    checks = [
-        check("exp", lambda: (exp(metric, *start, tolerance=tolerance), known.q1)),
-        check("length", lambda: (metric.norm(*start), known.length)),
-    ]
+    quantities: dict[str, tuple[Callable[[Metric], Pair], float]] = {
+        "exp": (lambda metric: (exp(metric, *start, tolerance=tolerance), known.q1), tolerance),
+        "length": (lambda metric: (metric.norm(*start), known.length), tolerance),
+    }
     if known.points:
-        checks.append(check("path", on_the_way))
+        quantities["path"] = on_the_way, tolerance
     if known.log:
-        checks.append(check("log", lambda: (log(metric, known.q0, known.q1), known.v0)))
+        allowed = known.tolerances["log"]
+        quantities["log"] = (lambda metric: (log(metric, known.q0, known.q1), known.v0)), allowed
+    return _checks(known, quantities, backend)
+
+
+def check_cubic(known: KnownCubic, backend: str | None = None) -> list[Check]:
+    """Return positions, action and equation of `cubic` between the ends of a known one.
+
+    See `check_geodesic`; the equation is that of `RiemannianSpline.relative_residual`.
+    """
+
+    @lru_cache
+    def motion(metric: Metric) -> RiemannianSpline:
+        ends = known.q0, known.v0, known.q1, known.v1
+        return cubic(metric, *ends, known.duration, tension=known.tension)
+
+    s, points = zip(*[*known.points, (1.0, known.q1)], strict=True)
+    times = known.duration * np.array(s)
+
+    tolerance = known.tolerance
+    quantities: dict[str, tuple[Callable[[Metric], Pair], float]] = {
+        "cubic": (lambda metric: (motion(metric)(times), points), tolerance),
+        "action": (lambda metric: (motion(metric).action / known.action, 1.0), tolerance),
+        "equation": (lambda metric: (motion(metric).relative_residual(times), 0.0), tolerance),
+    }
+    return _checks(known, quantities, backend)
+
+
+def _checks(
+    known: KnownGeodesic | KnownCubic,
+    quantities: Mapping[str, tuple[Callable[[Metric], Pair], float]],
+    backend: str | None,
+) -> list[Check]:
+    """Compare what is found with what is expected, each within its tolerance."""
+    used = choose_backend(backend) if has_model(known.metric) else None
+    tolerances = [tolerance for _, tolerance in quantities.values()]
+    try:
+        metric = metric_of(known.metric, used)
+    except _FAILURES as failure:
+        return [Check(known.name, "metric", used or "-", np.inf, tolerances[0], str(failure))]
+    checks = []
+    for quantity, (found, tolerance) in quantities.items():
+        try:
+            error, message = float(np.abs(np.subtract(*found(metric))).max()), ""
+        except _FAILURES as failure:
+            error, message = np.inf, str(failure)
+        checks.append(Check(known.name, quantity, used or "-", error, tolerance, message))
     return checks
 
 
 def check_known_geodesics(
-    known: Iterable[KnownGeodesic], backends: Sequence[str]
+    known: Iterable[KnownGeodesic | KnownCubic], backends: Sequence[str]
 ) -> tuple[Check, ...]:
-    """Return all checks of known geodesics; those of a model's metric once for every back end."""
-    return tuple(
-        check
-        for entry in known
-        for backend in (backends if has_model(entry.metric) else backends[:1])
-        for check in check_geodesic(entry, backend)
-    )
+    """Return all checks of known geodesics and cubics; those of a model's metric once for every
+    back end.
+    """
+    checks: list[Check] = []
+    for entry in known:
+        for backend in backends if has_model(entry.metric) else backends[:1]:
+            if isinstance(entry, KnownCubic):
+                checks += check_cubic(entry, backend)
+            else:
+                checks += check_geodesic(entry, backend)
+    return tuple(checks)
 
 
 def table_of(checks: Iterable[Check]) -> DataFrame:
@@ -467,7 +574,7 @@ def table_of(checks: Iterable[Check]) -> DataFrame:
 
 
 def run_check(file: str | PathLike[str] | None = None, backend: str | None = None) -> bool:
-    """Check the known geodesics, print a table of the results, and say whether all passed.
+    """Check what is known, print a table of the results, and say whether all passed.
 
     Args:
         file: a table of the user's own, checked in addition to the one of the package.
@@ -476,9 +583,9 @@ def run_check(file: str | PathLike[str] | None = None, backend: str | None = Non
     Raises:
         ValueError: the file is malformed, or the back end is unknown or cannot be imported here.
     """
-    known = read_known_geodesics()
-    if file is not None:
-        known += read_known_geodesics(file)
+    known: list[KnownGeodesic | KnownCubic] = []
+    for one in [None] if file is None else [None, file]:
+        known += [*read_known_geodesics(one), *read_known_cubics(one)]
     backends = [name for name in BACKENDS if not why_unavailable(name)]
     if backend is not None:
         backends = [choose_backend(backend)]
@@ -492,13 +599,17 @@ def run_check(file: str | PathLike[str] | None = None, backend: str | None = Non
     for name in BACKENDS:
         if backend is None and name not in backends:
             print(f"Not checked, as {name} cannot be imported here: {why_unavailable(name)}")
-    print(_summary(len(known), checks, backends))
+    print(_summary(known, checks, backends))
     return not failed
 
 
-def _summary(geodesics: int, checks: Sequence[Check], backends: Sequence[str]) -> str:
+def _summary(
+    known: Sequence[KnownGeodesic | KnownCubic], checks: Sequence[Check], backends: Sequence[str]
+) -> str:
     failed = [check for check in checks if not check.passed]
-    subject = f"{geodesics} known geodesics with {' and '.join(backends)}"
+    cubics = sum(isinstance(each, KnownCubic) for each in known)
+    subject = f"{len(known) - cubics} known geodesics{f' and {cubics} cubics' * (cubics > 0)}"
+    subject += f" with {' and '.join(backends)}"
     if failed:
         names = dict.fromkeys(repr(check.name) for check in failed)
         return f"{subject}: {len(failed)} of {len(checks)} checks FAILED, of {', '.join(names)}."

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import simpson
 from scipy.interpolate import CubicSpline
@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.logarithm import cubics
+from geodesic_ocp.logarithm import spline_search
+from geodesic_ocp.logarithm.riemannian_spline import RiemannianSpline
 from geodesic_ocp.manifold.metrics import default_joint_inertia
 from geodesic_ocp.manifold.motion_kernels import SegmentBasis, second_order
 
@@ -193,7 +194,7 @@ def test_ipopt_finds_the_same_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, 7)), axis=0)
     compiled = go.spline(HUMAN, times, points, v0=np.ones(7))
     monkeypatch.setattr(type(second_order(HUMAN)), "available", lambda *_: False)
-    monkeypatch.setattr(cubics, "_STEP", 1e-13)
+    monkeypatch.setattr(spline_search, "STEP", 1e-13)
     reference = go.spline(HUMAN, times, points, v0=np.ones(7))
     assert reference.action == pytest.approx(compiled.action, rel=1e-9)
     t = np.linspace(0.0, 0.7, 15)
@@ -239,9 +240,11 @@ def test_bad_input_is_named(change: dict[str, Any], message: str) -> None:
 def test_certificates_tell_minima_from_other_stationary_motions() -> None:
     rng = np.random.default_rng(7)
     points = np.cumsum(rng.uniform(-0.3, 0.3, (3, 7)), axis=0)
-    found = go.spline(HUMAN, [0.0, 0.3, 0.7], points, v0=np.zeros(7)).certificate
-    assert found.locally_minimizing
-    assert found.residual < 1e-8
+    for tension in (0.0, 3.0):
+        motion = go.spline(HUMAN, [0.0, 0.3, 0.7], points, v0=np.zeros(7), tension=tension)
+        assert motion.certificate.locally_minimizing
+        assert motion.certificate.residual < 1e-8
+        assert motion.certificate.boundary_residual < 1e-7
     assert go.spline(go.Euclidean(7), [0.0, 0.3, 0.7], points).certificate.locally_minimizing
 
 
@@ -260,7 +263,7 @@ def test_second_variation_on_a_great_circle(length: float) -> None:
     is_free = np.ones((5, 4), dtype=bool)
     is_free[[0, -1]] = False
     starts = np.hstack([states, momenta])[:-1]
-    motion = cubics.RiemannianSpline(Sphere(), times, starts, states[-1], 0.0, is_free)
+    motion = RiemannianSpline(Sphere(), times, starts, states[-1], 0.0, is_free)
     basis = SegmentBasis(14, 40)
     t, weights = basis.rule
     latitude, bend = (basis.values(t, order)[4:] for order in (0, 2))
@@ -310,3 +313,70 @@ def test_the_action_is_that_of_the_integrated_motion() -> None:
     torques = motion.torques(t)
     squares = np.sum(torques * np.linalg.solve(tensors, torques[..., None])[..., 0], axis=1)
     assert motion.action == pytest.approx(simpson(squares, x=t) / 2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("tension", [1e-4, 0.7, 8.0, 120.0])
+def test_splines_in_tension_of_a_constant_metric(tension: float) -> None:
+    """q'''' = tension^2 q'': by the exponentials, with coefficients from the conditions."""
+    ends, duration = np.array([[0.3, -1.0], [1.2, 0.4]]), 0.8
+    given = go.Euclidean(2), ends[0], [1.0, 0.0], ends[1], None, duration
+    motion = go.cubic(*given, tension=tension)
+    t = np.linspace(0.0, duration, 9)
+
+    def basis(t: Any, order: int) -> Array:
+        """1, t and decaying exponentials from both ends."""
+        first, last = np.exp(-tension * np.asarray(t)), np.exp(tension * (t - duration))
+        line = [(np.ones_like(first), t + 0.0 * first), (0.0 * first, np.ones_like(first))]
+        linear = line[order] if order < 2 else (0.0 * first, 0.0 * first)
+        return np.array([*linear, (-tension) ** order * first, tension**order * last])
+
+    rows = [basis(0.0, 0), basis(0.0, 1), basis(duration, 0), basis(duration, 2)]
+    values = [ends[0], [1.0, 0.0], ends[1], [0.0, 0.0]]
+    if tension > 0.1:  # else the exponentials cancel
+        expected = basis(t, 0).T @ np.linalg.solve(rows, values)
+        np.testing.assert_allclose(motion(t), expected, atol=1e-10)
+    else:
+        np.testing.assert_allclose(motion(t), go.cubic(*given)(t), atol=tension**2)
+    assert motion.certificate.locally_minimizing
+    assert motion.certificate.boundary_residual < 1e-9
+
+
+@given(st.floats(0.5, 60.0), st.integers(0, 1000))
+@settings(max_examples=4)
+def test_splines_in_tension_satisfy_their_equation(tension: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, 7)), axis=0)
+    motion = go.spline(HUMAN, times, points, v0=rng.uniform(-1.0, 1.0, 7), tension=tension)
+    t = np.linspace(0.01, 0.29, 5)
+    energy, size = motion.hamiltonian(t), np.abs(motion(t, 2)).max() * (1.0 / 0.3 + tension) ** 2
+    assert np.ptp(energy) < 1e-8 * (np.abs(energy).max() + motion.action)
+    assert np.abs(motion.residual(t)).max() < 1e-8 * size
+    assert np.abs(motion.torques(0.7)).max() < 1e-8 * np.abs(motion.torques(t)).max()
+    np.testing.assert_allclose(motion(times), points, atol=1e-8)
+
+
+def test_splines_tend_to_geodesics_as_the_tension_grows() -> None:
+    """Within 1 / tension of the knots the speed changes; elsewhere it is a piecewise geodesic."""
+    times, points = [0.0, 0.4, 1.0], np.array([[0.8, 0.0], [1.3, 0.9], [0.7, 1.6]])
+    path = [go.geodesic(Sphere(), *pair) for pair in pairwise(points)]
+    expected = np.array([path[0](0.5), path[1](0.5)])
+    errors = []
+    for tension in (20.0, 200.0, 2000.0):
+        motion = go.spline(Sphere(), times, points, tension=tension)
+        errors.append(np.abs(motion([0.2, 0.7]) - expected).max())
+    assert errors[0] > 5.0 * errors[1] > 25.0 * errors[2]  # first order in 1 / tension
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_the_unit_of_time_does_not_matter(unit: float) -> None:
+    """q(t / T) of the same ends; both routes."""
+    q = np.array([[0.8, 1.0], [1.3, 1.9], [0.7, 2.6]])
+    times, v0 = np.array([0.0, 0.4, 1.0]), np.array([1.0, -0.5])
+    motion = go.spline(HalfPlane(), times, q, v0=v0, tension=3.0)
+    scaled = go.spline(HalfPlane(), unit * times, q, v0=v0 / unit, tension=3.0 / unit)
+    t = np.linspace(0.0, 1.0, 21)
+    np.testing.assert_allclose(scaled(unit * t), motion(t), atol=1e-11)
+    np.testing.assert_allclose(unit * scaled(unit * t, 1), motion(t, 1), atol=1e-9)
+    assert scaled.action * unit**3 == pytest.approx(motion.action, rel=1e-9)
+    assert scaled.certificate.locally_minimizing
+    assert scaled.certificate.residual < 1e-9

@@ -117,6 +117,18 @@ class WithVia(FromRestToRest):
         return [(at, [(q, 0.5)]) for at in self.times]
 
 
+def foreign(method: str, what: Any = ca.SX.sym("z")) -> MotionProblem:  # noqa: B008
+    """A problem one of whose methods returns something that is not made of its arguments."""
+    results = {
+        "cost": what,
+        "torque": what,
+        "constraints": [(0.0, what, 1.0)],
+        "via": [(0.5, [(what, 1.0)])],
+        "boundary": [(what, 1.0, "the mark")],
+    }
+    return type("Foreign", (FromRestToRest,), {method: lambda *_: results[method]})()
+
+
 @pytest.mark.parametrize(
     ("problem", "message"),
     [
@@ -127,6 +139,13 @@ class WithVia(FromRestToRest):
         (FromRestToRest(goal=(np.inf,)), "a value must be finite"),
         (type("Late", (WithVia,), {"times": (1.5,)})(), "times must increase between 0 and 1 s"),
         (type("Odd", (FromRestToRest,), {"cost": lambda *_: [1, 2]})(), "cost must be a matrix"),
+        (foreign("cost"), r"cost contains z, which is not one of its arguments \(t, q, v, a\)"),
+        (foreign("torque"), r"torque contains z, which is not one .* \(q, v, a\)"),
+        (foreign("constraints"), r"constraints\[0\] contains z"),
+        (foreign("via"), r"via\[0\]\[0\] contains z, .* \(q, v\)"),
+        (foreign("boundary"), r"the mark contains z, .* \(q0, v0, q1, v1\)"),
+        (foreign("boundary", ca.SX(2.0)), "the mark: row 0 is 2 for every motion, not 1"),
+        (foreign("constraints", 2.0), r"constraints\[0\]: row 0 is 2 for every motion, not 0 to 1"),
         (
             type("Guess", (FromRestToRest,), {"guess": lambda _, t: np.zeros(3)})(),
             r"guess must have shape \(5, 1\)",
@@ -159,7 +178,8 @@ def test_a_motion_of_no_cost_is_found() -> None:
         def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
             return [(q0, self.start), (q1, self.goal)]
 
-    assert go.solve(Free(goal=(0.0,))).cost == pytest.approx(0.0, abs=1e-12)
+    for goal in (0.0, 1.0):
+        assert go.solve(Free(goal=(goal,))).cost == pytest.approx(0.0, abs=1e-12)
     assert go.solve(FromRestToRest(HUMAN, 0.5, Q0, Q0)).cost == pytest.approx(0.0, abs=1e-12)
 
 
@@ -204,3 +224,42 @@ def test_the_rate_of_the_torque_is_its_derivative_in_time() -> None:
     t = np.linspace(0.0, 1.0, 2001)
     rates = np.gradient(found.torques(t), t, axis=0)
     assert found.cost == pytest.approx(np.trapezoid(np.sum(rates**2, axis=1), t), rel=1e-3)
+
+
+def test_rows_that_no_motion_changes_are_left_out() -> None:
+    """As the height of a planar arm's hand."""
+
+    class Planar(FromRestToRest):
+        def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
+            hand = ca.vertcat(ca.cos(q1), ca.sin(q1), 0.0)
+            return [(q0, 0.0), (hand, [0.0, 1.0, 0.0]), (v0, 0.0), (v1, 0.0)]
+
+        def guess(self, t: Array) -> Array:
+            return t[:, None]
+
+    assert go.solve(Planar())(1.0) == pytest.approx([np.pi / 2.0], abs=1e-6)
+
+
+@pytest.mark.slow
+def test_poses_and_velocities_of_the_hand_are_conditions() -> None:
+    """The hand passes a point at a given velocity, and is never faster than a bound."""
+    point = ARM.hand_pose(0.5 * (np.array(Q0) + Q1))[1]
+
+    def velocity(q: ca.SX, v: ca.SX) -> ca.SX:
+        return ca.jtimes(ARM.hand_pose(q)[1], q, v)
+
+    class Past(FromRestToRest):
+        def via(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [(0.4, [(ARM.hand_pose(q)[1], point), (velocity(q, v)[0], 0.1)])]
+
+        def constraints(self, t: Any, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Sequence[Any]:
+            return [(-np.inf, ca.sumsqr(velocity(q, v)), 0.7**2, "speed of the hand")]
+
+    found = go.solve(Past(HUMAN, 0.8, Q0, Q1))
+    np.testing.assert_allclose(ARM.hand_pose(found(0.4))[1], point, atol=1e-6)
+    step = 1e-5 * found(0.4, 1)
+    ends = [ARM.hand_pose(found(0.4) + sign * step)[1][0] for sign in (1.0, -1.0)]
+    assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(0.1, abs=1e-4)
+    places = np.array([ARM.hand_pose(q)[1] for q in found(np.linspace(0.0, 0.8, 401))])
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.002
+    assert 0.69 < speeds.max() < 0.7 + 1e-3

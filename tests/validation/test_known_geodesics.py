@@ -23,11 +23,14 @@ from geodesic_ocp.validation import (
     BUNDLED,
     FORMAT,
     Check,
+    KnownCubic,
     KnownGeodesic,
+    check_cubic,
     check_geodesic,
     check_known_geodesics,
     has_model,
     metric_of,
+    read_known_cubics,
     read_known_geodesics,
     run_check,
     table_of,
@@ -37,6 +40,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TOOL = ROOT / "tools" / "known_geodesics.py"
 GUIDE = ROOT / "docs" / "how-to" / "known_geodesics.md"
 KNOWN = read_known_geodesics()
+CUBICS = read_known_cubics()
 
 
 def entry_named(name: str) -> KnownGeodesic:
@@ -77,8 +81,32 @@ def test_known_geodesic(known: KnownGeodesic, backend: str) -> None:
     assert failed_quantities(checks) == set(), table_of(checks).to_string()
 
 
+@pytest.mark.parametrize("known", CUBICS, ids=lambda known: known.name)
+def test_known_cubic(known: KnownCubic) -> None:
+    checks = check_cubic(known)
+    assert {check.quantity for check in checks} == {"cubic", "action", "equation"}
+    assert failed_quantities(checks) == set(), table_of(checks).to_string()
+
+
+def test_wrong_cubics_fail() -> None:
+    known = next(each for each in CUBICS if "Lie" in each.name)
+    assert failed_quantities(check_cubic(replace(known, action=0.8))) == {"action"}
+    other = replace(known, v0=(known.v0[0] + 1e-5, *known.v0[1:]))
+    assert failed_quantities(check_cubic(other)) == {"cubic", "action"}
+
+
+def test_tables_may_have_cubics_alone(tmp_path: Path) -> None:
+    record = next(each for each in json.loads(BUNDLED.read_text())["cubics"])
+    file = write_table(tmp_path, cubics=[record])
+    assert (read_known_geodesics(file), read_known_cubics(file)) == ((), CUBICS[:1])
+    file = write_table(tmp_path, cubics=[{**record, "v1": [1.0]}])
+    with pytest.raises(ValueError, match=r"mine\.json: cubic 1 \(.*v1 must have 2 numbers"):
+        read_known_cubics(file)
+
+
 def test_every_type_of_metric_is_in_the_table() -> None:
-    assert {known.metric["kind"] for known in KNOWN} == {
+    assert {known.metric["kind"] for known in (*KNOWN, *CUBICS)} == {
+        "rotations",
         "euclidean",
         "sphere",
         "half-plane",
@@ -232,6 +260,13 @@ def test_example_of_the_documentation_passes(tmp_path: Path) -> None:
     file.write_text(example)
     (known,) = read_known_geodesics(file)
     assert failed_quantities(check_geodesic(known)) == set()
+
+
+def test_cubic_of_the_documentation_passes(tmp_path: Path) -> None:
+    (example,) = re.findall(r"cubic = (\{.*?\n\})", GUIDE.read_text(), flags=re.DOTALL)
+    file = write_table(tmp_path, cubics=[ast.literal_eval(example)])
+    (known,) = read_known_cubics(file)
+    assert failed_quantities(check_cubic(known)) == set()
 
 
 def test_files_are_relative_to_the_table(tmp_path: Path) -> None:

@@ -1,3 +1,3 @@
-from .cubics import MotionCertificate as MotionCertificate
-from .cubics import RiemannianSpline as RiemannianSpline
 from .geodesic_to_pose import ToPose as ToPose
+from .riemannian_spline import MotionCertificate as MotionCertificate
+from .riemannian_spline import RiemannianSpline as RiemannianSpline

@@ -13,15 +13,20 @@ from geodesic_ocp.manifold.motion_kernels import DiscreteMotion, SegmentBasis, s
 from geodesic_ocp.ocp.motion_program import instants, knots_of, state_matrix, variables
 
 
-def action_program(metric: Metric, basis: SegmentBasis, durations: Array) -> BlockProgram:
-    """Return the discrete action int tau' G^-1 tau / 2 dt of motions of so many segments."""
+def action_program(
+    metric: Metric, basis: SegmentBasis, durations: Array, tension: float
+) -> BlockProgram:
+    """Return the discrete action int (tau' G^-1 tau + tension^2 q' G q') / 2 dt of motions of so
+    many segments.
+    """
     n, (s, weights) = metric.dim, basis.rule
-    point = ca.SX.sym("z", 3 * n)
-    terms = Terms(point, None, second_order(metric).functions["motion_cost"](point))
+    point, square = ca.SX.sym("z", 3 * n), ca.SX.sym("s")
+    terms = Terms(point, square, second_order(metric).functions["motion_cost"](point, square))
     times = np.append(0.0, np.cumsum(durations))
     matrix = state_matrix(basis, times, n, instants(times, s))
     at_points = np.outer(durations, weights).ravel()
-    return BlockProgram(matrix.shape[1], [Block(terms, matrix, weights=at_points)])
+    squares = np.full((at_points.size, 1), tension**2)
+    return BlockProgram(matrix.shape[1], [Block(terms, matrix, squares, weights=at_points)])
 
 
 def find_by_ipopt(
@@ -31,6 +36,7 @@ def find_by_ipopt(
     knots: Array,
     coefficients: Array,
     is_free: NDArray[np.bool_],
+    tension: float,
 ) -> DiscreteMotion | None:
     """Return the motion of least action, as `MotionKernels.find` on one level."""
     n, width = metric.dim, 2 + basis.bubbles
@@ -38,14 +44,15 @@ def find_by_ipopt(
     free = variables(is_free.astype(float), np.ones_like(coefficients)) > 0.0
     lower, upper = (np.where(free, sign * np.inf, x) for sign in (-1.0, 1.0))
     options = {"tol": 1e-11, "fixed_variable_treatment": "make_parameter"}
-    outcome = action_program(metric, basis, durations).solve(x, (lower, upper), options)
+    program = action_program(metric, basis, durations, tension)
+    outcome = program.solve(x, (lower, upper), options)
     if not outcome.success:
         return None
     gradients, hessians = [], []
     ends = np.r_[: 2 * n, width * n : (width + 2) * n]
     inner = np.arange(2 * n, width * n)
     for k in range(len(durations)):
-        own = action_program(metric, basis, durations[k : k + 1]).functions
+        own = action_program(metric, basis, durations[k : k + 1], tension).functions
         here = outcome.x[k * width * n :][: (width + 2) * n]
         gradient = own["grad_f"](here, [])[1].full()[:, 0]
         upper = own["hess_lag"](here, [], 1.0, []).full()

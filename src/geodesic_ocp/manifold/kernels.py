@@ -216,14 +216,20 @@ class Kernels(Library):
 
     def integrate(self, start: Array, times: Array, tolerance: float, max_steps: int) -> Array:
         """Return states (len(times), 2 n) of the geodesic equation, like `integrate_by_scipy`."""
-        return self._integrate("integrate_geodesic", start, times, tolerance, max_steps)
+        return self._integrate("integrate_geodesic", (start,), times, tolerance, max_steps)
 
     def _integrate(
-        self, equation: str, start: Array, times: Array, tolerance: float, max_steps: int
+        self,
+        equation: str,
+        given: tuple[Array] | tuple[Array, float],
+        times: Array,
+        tolerance: float,
+        max_steps: int,
     ) -> Array:
-        states, record = np.empty((times.size, start.size)), _IntegrationRecord()
-        arguments = start, c_int(times.size), times, tolerance, c_long(max_steps), states
-        status = self._call(equation, *arguments, byref(record))
+        """Integrate from the given state, with the given parameter if there is one."""
+        states, record = np.empty((times.size, given[0].size)), _IntegrationRecord()
+        arguments = c_int(times.size), times, tolerance, c_long(max_steps), states
+        status = self._call(equation, *given, *arguments, byref(record))
         if status:
             raise _failure(status == 1, record, times, tolerance, states[0])
         return states

@@ -1,12 +1,14 @@
-"""The second-order functions of a metric: motions of least covariant acceleration.
+"""The second-order functions of a metric: motions of least covariant acceleration, and in tension.
 
-The action of a motion q(t) is int |D_t q'|^2_G / 2 dt = int tau' G^-1 tau / 2 dt, where
-tau = G q'' + Gamma(q', q') is the generalised force without gravity. Its stationary motions,
-Riemannian cubics (Noakes, Heinzinger, Paden 1989; Crouch, Silva Leite 1995), satisfy
+The action of a motion q(t) is int (|D_t q'|^2_G + s |q'|^2_G) / 2 dt, where s is the square of the
+tension [1/s]. Its first part is int tau' G^-1 tau / 2 dt, where tau = G q'' + Gamma(q', q') is the
+generalised force without gravity. Its stationary motions satisfy
 
-    D_t^3 q' + R(D_t q', q') q' = 0,
+    D_t^3 q' + R(D_t q', q') q' - s D_t q' = 0.
 
-which is here in the form of Hamilton's equations of (q, v, p, r), where r = tau is the momentum of
+Without tension they are Riemannian cubics (Noakes, Heinzinger, Paden 1989; Crouch, Silva Leite
+1995), with tension elastic curves (Silva Leite, Camarinha, Crouch 2000). The equation is here in
+the form of Hamilton's equations of (q, v, p, r), where r = tau is the momentum of
 the velocity and p that of the configuration (Pontryagin's principle).
 """
 
@@ -37,18 +39,19 @@ _BUBBLE = Polynomial([0, 0, 1, -2, 1])  # vanishes at both ends with its slope
 
 
 def motion_functions(metric: Metric) -> dict[str, ca.Function]:
-    """Return the functions of points (q, v, a), (3 n,), and of states (q, v, p, r), (4 n,).
+    """Return the functions of points (q, v, a), (3 n,), or states (q, v, p, r), (4 n,), and of s.
 
-    - motion_cost: L = tau' G^-1 tau / 2
-    - motion_hessian: L; its gradient (3 n), blocks of J' G^-1 J (Gauss-Newton) and of the rest of
-      its second derivatives, see core/motion.h
+    - motion_cost: L = (tau' G^-1 tau + s v' G v) / 2
+    - motion_hessian: L; its gradient (3 n), blocks of a positive semidefinite part of its second
+      derivatives, J' G^-1 J (Gauss-Newton) and s G by v, and of the rest, see core/motion.h
     - motion_rate: (q, v, p, r)', Hamilton's equations
 
-    With w = G^-1 tau held constant, L has the derivatives of w' tau - w' G w / 2 (envelope
-    theorem).
+    With w = G^-1 tau held constant, tau' G^-1 tau / 2 has the derivatives of w' tau - w' G w / 2
+    (envelope theorem).
     """
     n, sym = metric.dim, ca.SX.sym
     q, v, a, w, u, p, r = (sym(name, n) for name in "qvawupr")
+    s = sym("s")
     tensor, force = metric._matrix_function(q), metric._christoffel_force(q, v, v)
     factors = ca.ldl(tensor, False)
 
@@ -63,17 +66,20 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
 
     point, tau = ca.vertcat(q, v, a), torque(a)
     covariant = solved(tau)
-    cost = ca.dot(tau, covariant) / 2
-    gradient = ca.gradient(ca.dot(w, torque(a - w / 2)), point)
+    kinetic = s * ca.dot(v, tensor @ v) / 2
+    cost = ca.dot(tau, covariant) / 2 + kinetic
+    gradient = ca.gradient(ca.dot(w, torque(a - w / 2)) + kinetic, point)
     slope = ca.jacobian(torque(a - w), point)  # of tau - G w
     gauss = ca.horzcat(slope.T @ solved(slope[:, : 2 * n]), slope.T)
+    gauss[n : 2 * n, n : 2 * n] += s * tensor
     rest = ca.jacobian(gradient, point)
+    rest[n : 2 * n, n : 2 * n] = ca.jacobian(ca.gradient(ca.dot(w, force), v), v)
     first, mixed = ((0, 0), (0, 1), (0, 2), (1, 1)), ((1, 2), (2, 2))
     blocks = [block(gauss, *each) for each in first + mixed]
     blocks += [block(rest, *each) for each in first]
     derivatives = ca.substitute(ca.vertcat(gradient, *blocks), w, covariant)
-    momentum = ca.gradient(ca.dot(w, torque(w / 2 - u)), q)
-    forces = ca.vertcat(momentum, ca.gradient(ca.dot(w, force), v) - p)
+    momentum = ca.gradient(ca.dot(w, torque(w / 2 - u)) + kinetic, q)
+    forces = ca.vertcat(momentum, ca.gradient(ca.dot(w, force) + kinetic, v) - p)
     acceleration, drift = solved(r), solved(force)
     forces = ca.substitute(ca.substitute(forces, w, acceleration), u, drift)
     rate = ca.vertcat(v, acceleration - drift, forces)
@@ -83,7 +89,7 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
         "motion_rate": (ca.vertcat(q, v, p, r), [rate]),
     }
     return {
-        name: ca.Function(name, [given], [ca.densify(ca.cse(each)) for each in results])
+        name: ca.Function(name, [given, s], [ca.densify(ca.cse(each)) for each in results])
         for name, (given, results) in outputs.items()
     }
 
@@ -167,7 +173,7 @@ class DiscreteMotion:
     Attributes:
         knots: positions and velocities (k + 1, 2 n).
         coefficients: of the segments' other functions (k, bubbles, n).
-        action: int |D_t q'|^2 / 2 dt.
+        action: int (|D_t q'|^2 + s |q'|^2) / 2 dt.
         gradients: of the action of each segment by its knots (k, 4 n).
         hessians: the second derivatives (k, 4 n, 4 n), the coefficients eliminated.
     """
@@ -197,7 +203,7 @@ class MotionKernels(Kernels):
 
     @property
     def rate(self) -> ca.Function:
-        """Hamilton's equations, (q, v, p, r) -> (q, v, p, r)'."""
+        """Hamilton's equations, (q, v, p, r) and s -> (q, v, p, r)'."""
         return self.functions["motion_rate"]
 
     def find(
@@ -207,6 +213,7 @@ class MotionKernels(Kernels):
         knots: Array,
         coefficients: Array,
         is_free: NDArray[np.bool_],
+        tension: float,
     ) -> DiscreteMotion | None:
         """Minimize the discrete action on all levels; None where that fails.
 
@@ -216,6 +223,7 @@ class MotionKernels(Kernels):
             knots: positions and velocities (k + 1, 2 n), the first guess where they are free.
             coefficients: first guess (k, bubbles of the first level, n).
             is_free: True for the components of knots that may change, (k + 1, 2 n).
+            tension: square root of s [1/s].
         """
         n, count = self._dim, len(durations)
         handle = self.handle(True)
@@ -231,7 +239,7 @@ class MotionKernels(Kernels):
         action, steps = c_double(), c_long()
         gradients, hessians = np.empty((count, 4 * n)), np.empty((count, 4 * n, 4 * n))
         pointers = (ctypes.c_void_p(each.ctypes.data) for each in (free, memory, flags))
-        given = byref(blas()), levels, number, parts, durations
+        given = byref(blas()), levels, number, parts, durations, tension
         results = byref(action), gradients, hessians, byref(steps)
         with one_blas_thread:
             status = self._call("find_motion", *given, *pointers, x, *results)
@@ -248,11 +256,14 @@ class MotionKernels(Kernels):
             hessians,
         )
 
-    def states(self, start: Array, times: Array, tolerance: float, max_steps: int) -> Array:
+    def states(
+        self, start: Array, times: Array, tension: float, tolerance: float, max_steps: int
+    ) -> Array:
         """Return states (k, 4 n) at times (k,) of Hamilton's equations, like
         `integrate_by_scipy`.
         """
-        return self._integrate("integrate_motion", start, times, tolerance, max_steps)
+        given = start, tension
+        return self._integrate("integrate_motion", given, times, tolerance, max_steps)
 
 
 def second_order(metric: Metric) -> MotionKernels:

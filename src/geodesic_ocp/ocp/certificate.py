@@ -70,12 +70,25 @@ _DECREASE = 1e-5
 _TINY = 1e-300
 
 
-def stationarity_and_index(gradient: Array, hessian: Array) -> tuple[bool, int]:
+def stationarity_and_index(
+    gradient: Array, hessian: Array | scipy.sparse.csc_array
+) -> tuple[bool, int]:
     """Return whether a point is stationary, and the number of negative eigenvalues of the Hessian.
 
     A point is stationary if a Newton step would change the function by less than a small fraction:
-    the gradient is measured in the scale of the Hessian.
+    the gradient is measured in the scale of the Hessian, which may be sparse with a band.
     """
+    if isinstance(hessian, scipy.sparse.csc_array):
+        entries = hessian.tocoo()
+        offset = entries.row - entries.col
+        lower = offset >= 0
+        band = np.zeros((int(offset.max(initial=0)) + 1, gradient.size))
+        band[offset[lower], entries.col[lower]] = entries.data[lower]
+        try:
+            step = scipy.linalg.solveh_banded(band, gradient, lower=True)
+            return bool(gradient @ step <= _DECREASE), 0
+        except (np.linalg.LinAlgError, ValueError):  # not positive definite, or not finite
+            hessian = hessian.toarray()
     if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
         return False, 0
     if gradient.size == 0:

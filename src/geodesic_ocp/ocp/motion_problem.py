@@ -6,7 +6,7 @@ The default cost is that of Riemannian cubics, int |D_t q'|^2_G / 2 dt = int tau
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -40,7 +40,7 @@ from geodesic_ocp.ocp.motion_program import (
     state_matrix,
     variables,
 )
-from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, listed
+from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, check_symbols, listed
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ _ROUNDS, _BISECTIONS = 12, 5
 _SAMPLES = 12  # of a segment, at which constraints are examined
 _VIOLATION = 1e-4  # of a constraint between the points, in its unit
 _CHANGE = 1e-4  # of the cost from one round to the next, relative
+_CONSTANT = 1e-9  # violation by a row that no motion changes
 _ROUNDING = 1e-12  # of the unit of cost
 _TINY, _BESIDE = 1e-6, 1e-3  # displacements of variables [rad or m, per s]
 _TINY_OF_RATES = 1e-9  # jerk is larger by a power of the time of a segment
@@ -217,25 +218,30 @@ class _Parsed:
         torque = as_expression("torque", problem.torque(q, v, a))
         if torque.shape != (metric.dim, 1):
             raise ValueError(f"torque must have shape ({metric.dim}, 1), got {torque.shape}")
+        check_symbols("torque", torque, (q, v, a))
         rate = ca.jtimes(torque, state, ca.vertcat(v, a, jerk))
         costs = {
-            "cost": problem.cost(t, q, v, a, torque),
-            "rate_cost": problem.rate_cost(q, v, a, jerk, rate),
+            "cost": (problem.cost(t, q, v, a, torque), (t, q, v, a)),
+            "rate_cost": (problem.rate_cost(q, v, a, jerk, rate), (q, v, a, jerk)),
         }
-        costs = {name: as_expression(name, each) for name, each in costs.items()}
-        for name, each in costs.items():
+        cost = ca.SX(0.0)
+        for name, (given, symbols) in costs.items():
+            each = as_expression(name, given)
             if each.shape != (1, 1):
                 raise ValueError(f"{name} must be a scalar, got shape {each.shape}")
-        cost = ca.plus(*costs.values())
+            check_symbols(name, each, symbols)
+            cost += each
 
-        def equalities(label: str, entries: Any, symbols: ca.SX) -> tuple[Condition, ...]:
-            found = tuple(NUMBERS.equality(*each, symbols) for each in listed(label, entries))
+        def equalities(label: str, entries: Any, *symbols: ca.SX) -> tuple[Condition, ...]:
+            column = ca.vertcat(*symbols)
+            found = [NUMBERS.equality(*each, column) for each in listed(label, entries)]
             for condition in found:
                 if not np.all(np.isfinite(condition.lower)):
                     raise ValueError(f"{condition.name}: a value must be finite")
-            return found
+            return tuple(_varying(found, symbols))
 
-        along = listed("constraints", problem.constraints(t, q, v, a, torque))
+        bounds = listed("constraints", problem.constraints(t, q, v, a, torque))
+        along = [NUMBERS.inequality(*each, state) for each in bounds]
         via = []
         for label, each in listed("via", problem.via(q, v)):
             if not isinstance(each, Sequence) or len(each) != 2:
@@ -249,10 +255,10 @@ class _Parsed:
             )
         return cls(
             *(problem, metric, duration, state, jerk, t, at_ends, cost, torque),
-            ends=equalities("boundary", problem.boundary(q0, q1, v0, v1), at_ends),
-            along=tuple(NUMBERS.inequality(*each, state) for each in along),
+            ends=equalities("boundary", problem.boundary(q0, q1, v0, v1), q0, v0, q1, v1),
+            along=tuple(_varying(along, (t, q, v, a))),
             via_times=times,
-            via=tuple(equalities(label, entries, state) for _, entries, label in via),
+            via=tuple(equalities(label, entries, q, v) for _, entries, label in via),
         )
 
     def first_guess(self) -> _Motion:
@@ -377,6 +383,29 @@ class _Motion:
     more: Array
 
 
+def _varying(conditions: Sequence[Condition], symbols: Sequence[ca.SX]) -> Iterator[Condition]:
+    """Yield the rows of conditions that depend on the motion; ValueError if another is violated.
+
+    Such rows occur as the height of a planar arm's hand. They would make Jacobians singular.
+    """
+    for each in conditions:
+        check_symbols(each.name, each.expression, symbols)
+        varies = np.array([bool(ca.symvar(row)) for row in ca.vertsplit(each.expression)])
+        for k in np.flatnonzero(~varies):
+            value, low, high = float(each.expression[int(k)]), each.lower[k], each.upper[k]
+            if not low - _CONSTANT <= value <= high + _CONSTANT:
+                allowed = f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
+                raise ValueError(
+                    f"{each.name}: row {k} is {value:.6g} for every motion, not {allowed}"
+                )
+        if np.all(varies):
+            yield each
+        elif np.any(varies):
+            rows = each.expression[np.flatnonzero(varies).tolist()]
+            bounds = each.lower[varies], each.upper[varies]
+            yield Condition(each.name, rows, *bounds, None)
+
+
 def _excess(condition: Condition, found: Array) -> Array:
     """Return by how much values (k, m) violate their bounds; infinite where they are NaN."""
     excess = np.maximum(np.maximum(condition.lower - found, found - condition.upper), 0.0)
@@ -467,7 +496,8 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
         motion = replace(motion, violation=(amount, name))
         following = motion.times, motion.knots, motion.coefficients
         change = abs(costs[-1] - costs[-2]) if number else np.inf
-        if not motion.success and change <= _ROUNDING * unit and amount <= _VIOLATION:
+        rounding = min(change, abs(costs[-1]))  # a cost that vanishes does not decrease further
+        if not motion.success and rounding <= _ROUNDING * unit and amount <= _VIOLATION:
             status = "the cost changes by rounding alone"
             return (replace(motion, success=True, status=status), more), None
         if not motion.success:

@@ -100,6 +100,9 @@ def parse_conditions(problem: Any) -> Conditions:
     jumps = [(v1 - v0, 0.0, f"velocity at via[{number}]") for number in range(len(via))]
     jumps = jumps if problem.continuous_velocity_at_via else []
     continuity = [equality("", jump, ca.SX(0, 1)) for jump in jumps]
+    for conditions, symbols in ((boundary, at_ends), (along, (q, v)), (sum(via, ()), (q,))):
+        for condition in conditions:
+            check_symbols(condition.name, condition.expression, symbols, parameters.symbols)
     names = [c.name for c in (*boundary, *along, *continuity, *(c for each in via for c in each))]
     if len(set(names)) < len(names):
         raise ValueError(f"conditions must have different names, got {', '.join(names)}")
@@ -107,6 +110,7 @@ def parse_conditions(problem: Any) -> Conditions:
     cost = _expression("cost", symbolic.cost(q, v))
     if cost.shape != (1, 1):
         raise ValueError(f"cost(q, v) must be a scalar, got shape {cost.shape}")
+    check_symbols("cost", cost, (q, v), parameters.symbols)
     bounds = [c for c in along if c.coordinates is not None and max(c.coordinates, default=0) < n]
     functions = [c for c in along if c not in bounds]
     along_qv = [c for c in functions if ca.depends_on(c.expression, v)]
@@ -120,6 +124,20 @@ def parse_conditions(problem: Any) -> Conditions:
         via=tuple(via),
         via_continuity=tuple(continuity),
     )
+
+
+def check_symbols(
+    name: str, expression: ca.SX, symbols: Sequence[ca.SX], parameters: ca.SX | None = None
+) -> None:
+    """Raise ValueError if an expression contains others than the given symbols."""
+    allowed = ca.vertcat(*symbols, ca.SX(0, 1) if parameters is None else parameters)
+    foreign = [str(each) for each in ca.symvar(expression) if not ca.depends_on(each, allowed)]
+    if foreign:
+        known = dict.fromkeys(str(each[0]).rpartition("_")[0] or str(each) for each in symbols)
+        raise ValueError(
+            f"{name} contains {', '.join(foreign)}, which is not one of its arguments "
+            f"({', '.join(known)})"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.logarithm.cubics import RiemannianSpline, spline
+from geodesic_ocp.logarithm.cubics import spline
+from geodesic_ocp.logarithm.riemannian_spline import RiemannianSpline
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.progress import Progress, shows_progress
 from geodesic_ocp.synergies.optimal_segmentations import cut_candidates

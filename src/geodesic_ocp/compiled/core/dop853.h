@@ -64,9 +64,9 @@ static double take_step(rate_function rate, int size, const double *y, const dou
   return fmax(1e-16, fifth / sqrt((fifth + 0.01 * third) * size));
 }
 
-/* Integrate y' = rate(y) over increasing times; the state at times[i] is written to row i. Where it
-   stops early, the first row is the state that it has reached. */
-static int integrate(rate_function rate, int size, const double *start, int count,
+/* Integrate y' = rate(y), or rate(y, p) with constant p, over increasing times; the state at times[i]
+   is written to row i. Where it stops early, the first row is the state that it has reached. */
+static int integrate(rate_function rate, int size, const double *start, const double *p, int count,
                      const double *times, double tolerance, long max_steps, double *states,
                      double *work, integration *result) {
   double k[STAGES + 1][LARGEST_STATE], y[LARGEST_STATE], end[LARGEST_STATE];
@@ -74,12 +74,12 @@ static int integrate(rate_function rate, int size, const double *start, int coun
   int i, at;
   long taken = 0;
   for (i = 0; i < size; i++) states[i] = y[i] = start[i];
-  evaluate(rate, y, 0, k[0], work);
+  evaluate(rate, y, p, k[0], work);
   for (at = 1; at < count; at++) {
     while (now < times[at]) {
       int is_last = h >= times[at] - now;
       double step = is_last ? times[at] - now : h, error, factor;
-      error = take_step(rate, size, y, 0, 0, step, tolerance, k, end, work);
+      error = take_step(rate, size, y, p, 0, step, tolerance, k, end, work);
       if (error <= 1) {
         now = is_last ? times[at] : now + step;
         for (i = 0; i < size; i++) {

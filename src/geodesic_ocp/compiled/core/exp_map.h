@@ -4,7 +4,7 @@
 int integrate_geodesic(const double *start, int count, const double *times, double tolerance,
                        long max_steps, double *states, integration *result) {
   double work[WORK_SIZE];
-  return integrate(geodesic_rate, 2 * N, start, count, times, tolerance, max_steps, states, work,
+  return integrate(geodesic_rate, 2 * N, start, 0, count, times, tolerance, max_steps, states, work,
                    result);
 }
 
@@ -21,7 +21,7 @@ int exp_map(const double *q, const double *v, double step, double tolerance, dou
     start[N + i] = v[i];
   }
   for (at = 0; at < 2; at++)
-    if (integrate(geodesic_rate, 2 * N, start, 2, times, at ? step : 30 * step, 20000, states[at],
+    if (integrate(geodesic_rate, 2 * N, start, 0, 2, times, at ? step : 30 * step, 20000, states[at],
                   work, &record))
       return 1;
   for (i = 0; i < 2 * N; i++) state[i] = states[1][2 * N + i];

@@ -82,7 +82,7 @@ static int endpoint_error(const double *q0, const double *q1, const double *v0, 
     start[i] = q0[i];
     start[N + i] = v0[i];
   }
-  failure = integrate(geodesic_rate, 2 * N, start, 2, times, tolerance, 2000, states, w->casadi,
+  failure = integrate(geodesic_rate, 2 * N, start, 0, 2, times, tolerance, 2000, states, w->casadi,
                       &record);
   stats->integrations++;
   stats->steps += record.steps;

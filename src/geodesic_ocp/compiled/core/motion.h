@@ -1,4 +1,5 @@
-/* The motion of least action int tau' G^-1 tau / 2 dt through knots, tau = G q'' + Gamma(q', q').
+/* The motion of least action int (tau' G^-1 tau + tension^2 q' G q') / 2 dt through knots,
+   tau = G q'' + Gamma(q', q').
 
    A motion of S segments is x = (knot 0, segment 0, knot 1, ..., knot S): of a knot position and
    velocity (2 N), of a segment the coefficients (bubbles, N) of functions that vanish with their
@@ -33,6 +34,11 @@ static long motion_size(const motion_level *grid, int segments) {
 static const int MOTION_POWER[NUM_BLOCKS] = {1, 0, -1, -1, -2, -3};
 static const int MOTION_OF_REST[NUM_BLOCKS] = {0, 1, 2, 3, -1, -1};
 
+typedef struct {
+  double *points, *blocks, *segment, *band, *gradient, *step, *trial, *casadi;
+  double tension; /* squared */
+} motion_workspace;
+
 static int has_duration(int a) { return a == 1 || a == 3; }
 
 /* (q, v, a) at point k of a segment of duration T; x are the variables from its first knot on. */
@@ -53,18 +59,19 @@ static void motion_state(const motion_level *grid, const double *x, double T, in
 
 /* The action; with the derivatives at every point where out is given. */
 static double action_of(const motion_level *grid, int segments, const double *durations,
-                        const double *x, double *out, double *work) {
+                        const double *x, double *out, motion_workspace *w) {
   double action = 0, state[3 * N], density;
   int s, k;
-  const double *arguments[1];
+  const double *arguments[2];
   double *results[2];
   arguments[0] = state;
+  arguments[1] = &w->tension;
   results[0] = &density;
   for (s = 0; s < segments; s++)
     for (k = 0; k < grid->points; k++) {
       motion_state(grid, x + (long)s * (2 + grid->bubbles) * N, durations[s], k, state);
       results[1] = out ? out + (long)(s * grid->points + k) * MOTION_POINT : 0;
-      (out ? motion_hessian : motion_cost)(arguments, results, 0, work, 0);
+      (out ? motion_hessian : motion_cost)(arguments, results, 0, w->casadi, 0);
       action += durations[s] * grid->weights[k] * density;
     }
   return action;
@@ -137,10 +144,6 @@ static void motion_segment(const motion_level *grid, const blas *library, double
     }
 }
 
-typedef struct {
-  double *points, *blocks, *segment, *band, *gradient, *step, *trial, *casadi;
-} motion_workspace;
-
 /* Banded Hessian, upper triangle, of the free variables; the others have unit rows. */
 static void motion_band(const motion_level *grid, const blas *library, int segments,
                         const double *durations, const char *is_free, double share,
@@ -185,7 +188,7 @@ static int motion_minimize(const motion_level *grid, const blas *library, int se
   int size = (4 + grid->bubbles) * N, total = (int)motion_size(grid, segments), kd = size - 1;
   int one = 1, info, halvings, i, failure;
   long iteration;
-  double now = action_of(grid, segments, durations, x, w->points, w->casadi);
+  double now = action_of(grid, segments, durations, x, w->points, w);
   for (iteration = 0; iteration < grid->max_steps; iteration++) {
     double decrement = 0, length = 1, tried = 0;
     motion_gradient(grid, segments, durations, w->points, w->gradient);
@@ -204,12 +207,12 @@ static int motion_minimize(const motion_level *grid, const blas *library, int se
     for (halvings = 0;; halvings++) {
       if (halvings == 14) return MOTION_NO_DECREASE;
       for (i = 0; i < total; i++) w->trial[i] = x[i] + length * w->step[i];
-      tried = action_of(grid, segments, durations, w->trial, halvings ? 0 : w->points, w->casadi);
+      tried = action_of(grid, segments, durations, w->trial, halvings ? 0 : w->points, w);
       if (tried <= now - 1e-4 * length * decrement + 1e-13 * now) break;
       length *= 0.4;
     }
     memcpy(x, w->trial, sizeof(double) * total);
-    now = halvings ? action_of(grid, segments, durations, x, w->points, w->casadi) : tried;
+    now = halvings ? action_of(grid, segments, durations, x, w->points, w) : tried;
   }
   return MOTION_STEPS;
 }
@@ -258,7 +261,7 @@ static int motion_condense(const motion_level *grid, const blas *library, int se
                            double *hessians, motion_workspace *w) {
   char upper = 'U';
   int width = 4 + grid->bubbles, size = width * N, inner = grid->bubbles * N, s, i, j, k, info;
-  action_of(grid, segments, durations, x, w->points, w->casadi);
+  action_of(grid, segments, durations, x, w->points, w);
   for (s = 0; s < segments; s++) {
     double *out = w->points + (long)s * grid->points * MOTION_POINT, *h = w->segment;
     double *fields = w->band, *local = w->trial;
@@ -303,13 +306,15 @@ static int motion_condense(const motion_level *grid, const blas *library, int se
 /* Minimize on all levels, from knots and coefficients x of the first, which is replaced by that of
    the last level; then condense. is_free is of the variables of the knots (knots, 2 N). */
 int find_motion(const blas *library, const motion_level *levels, int count, int segments,
-                const double *durations, const char *knots, double *memory, char *flags, double *x,
-                double *action, double *gradients, double *hessians, long *steps) {
+                const double *durations, double tension, const char *knots, double *memory,
+                char *flags, double *x, double *action, double *gradients, double *hessians,
+                long *steps) {
   motion_workspace w;
   double share = 1;
   int l, failure;
   long i;
   motion_divide(levels, count, segments, memory, &w);
+  w.tension = tension * tension;
   for (l = 0; l < count; l++) {
     int width = (2 + levels[l].bubbles) * N;
     long total = motion_size(levels + l, segments);
@@ -327,9 +332,9 @@ int find_motion(const blas *library, const motion_level *levels, int count, int 
 }
 
 /* Hamilton's equations of the motion from the state (q, v, p, r), p and r the momenta of q and v. */
-int integrate_motion(const double *start, int count, const double *times, double tolerance,
-                     long max_steps, double *states, integration *result) {
-  double work[WORK_SIZE];
-  return integrate(motion_rate, 4 * N, start, count, times, tolerance, max_steps, states, work,
-                   result);
+int integrate_motion(const double *start, double tension, int count, const double *times,
+                     double tolerance, long max_steps, double *states, integration *result) {
+  double work[WORK_SIZE], squared = tension * tension;
+  return integrate(motion_rate, 4 * N, start, &squared, count, times, tolerance, max_steps, states,
+                   work, result);
 }
