@@ -156,7 +156,7 @@ class Block:
     def num_places(self) -> int:
         """Number of different sets of variables."""
         if isinstance(self.places, Cells):
-            return len(self.places.indices) * len(self.places.rows)
+            return len(self.places.indices) * int(self.places.rows.shape[-3])
         rows = int(self.places.shape[0])
         return rows if isinstance(self.places, np.ndarray) else rows // max(self.terms.size, 1)
 

@@ -24,12 +24,12 @@ class Cells:
     """Values and derivatives, at points of cells, of polynomials through the nodes of the cell.
 
     Variables of the instance of cell c and point k are, one row after the other,
-    sum_a rows[k, r, a] x[indices[c, a]], the same combinations in all cells, and then some that all
-    instances share.
+    sum_a rows[k, r, a] x[indices[c, a]], the same combinations in all cells unless rows are given
+    for each, and then some that all instances share.
 
     Attributes:
         indices: indices of the coordinates at the nodes in x, (cells, nodes, n).
-        rows: (points, r, nodes).
+        rows: (points, r, nodes), or of every cell (cells, points, r, nodes).
         shared: indices in x of what all instances share, below those of the nodes.
     """
 
@@ -40,12 +40,13 @@ class Cells:
     @property
     def matrix(self) -> tuple[Indices, Indices, Array]:
         """Rows, columns and entries of the matrix from x to the variables of all instances."""
-        (cells, _, n), (points, rows, _) = self.indices.shape, self.rows.shape
-        point, row, node = np.nonzero(self.rows)
+        (cells, _, n), (points, rows, _) = self.indices.shape, self.rows.shape[-3:]
+        point, row, node = np.nonzero(self._of_cells.any(axis=0))
         cell, at, i = np.ix_(np.arange(cells), np.arange(point.size), np.arange(n))
         size = rows * n + len(self.shared)
         of_z = (cell * points + point[at]) * size + row[at] * n + i
-        entries = np.broadcast_to(self.rows[point, row, node][at], of_z.shape)
+        used = np.broadcast_to(self._of_cells[:, point, row, node], (cells, point.size))
+        entries = np.broadcast_to(used[:, :, None], of_z.shape)
         last = size * np.arange(cells * points)[:, None] + rows * n + np.arange(len(self.shared))
         return (
             np.concatenate([of_z.ravel(), last.ravel()]),
@@ -54,6 +55,11 @@ class Cells:
             ).astype(np.int64),
             np.concatenate([entries.ravel(), np.ones(last.size)]),
         )
+
+    @property
+    def _of_cells(self) -> Array:
+        """Rows of every cell (cells, points, r, nodes), or of all, (1, points, r, nodes)."""
+        return self.rows if self.rows.ndim == 4 else self.rows[None]
 
     def hessians(
         self, pattern: tuple[Indices, Indices], entries: ca.MX
@@ -109,24 +115,29 @@ class Cells:
         half the first term where s = t: half of the entries of symmetric and antisymmetric matrices
         suffice.
         """
-        (cells, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape
+        (cells, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape[-3:]
         first, second = np.triu_indices(nodes)  # the pairs (a, b) of a cell's nodes with a <= b
         pairs = [(s, t) for s in range(rows) for t in range(s, rows)]
         split, join = _halves(n, pairs, pattern)
         half = n * (n + 1) // 2
         parts = split @ entries
-        of = self.rows.swapaxes(0, 1)
-        both = {
-            (s, t): (of[s][:, first] * of[t][:, second]) for s in range(rows) for t in range(rows)
-        }
-        even = np.vstack([both[s, t] + both[t, s] * (s != t) for s, t in pairs])
-        odd = np.vstack(
-            [np.zeros((0, first.size)), *(both[p] - both[p[::-1]] for p in pairs if p[0] != p[1])]
-        )
+
+        def factors(of: Array) -> tuple[Array, Array]:
+            both = {
+                (s, t): of[:, s][:, first] * of[:, t][:, second]
+                for s in range(rows)
+                for t in range(rows)
+            }
+            even = np.vstack([both[s, t] + both[t, s] * (s != t) for s, t in pairs])
+            odd = [both[p] - both[p[::-1]] for p in pairs if p[0] != p[1]]
+            return even, np.vstack([np.zeros((0, first.size)), *odd])
+
+        own = [factors(of) for of in self._of_cells]
         sums = []
         for cell in range(cells):
             here = parts[:, cell * points : (cell + 1) * points]
             symmetric = [here[k * half : (k + 1) * half, :] for k in range(len(pairs))]
+            even, odd = own[cell % len(own)]
             halves = [_product(ca.horzcat(*symmetric), even)]
             if odd.size:
                 rest, size = here[len(pairs) * half :, :], n * (n - 1) // 2

@@ -265,7 +265,8 @@ def test_demo_writes_to_its_default_folder(
     assert "height 1.78 m" in text
     assert "mean errors with the cuts of least joint error" in text
     names = sorted(file.name for file in (tmp_path / "geodesic_ocp_demo").iterdir())
-    assert names == ["curve", "figure.pdf", "figure.png", "synergies.json", *TABLES]
+    others = ["second_order.csv", "second_order.md", "synergies.json"]
+    assert names == ["curve", "figure.pdf", "figure.png", *others, *TABLES]
     assert (tmp_path / "geodesic_ocp_demo" / "curve" / "table.csv").is_file()
 
 

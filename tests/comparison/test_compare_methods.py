@@ -222,3 +222,54 @@ def test_bad_arguments_are_named(
         comparison.tests(against="lines")
     with pytest.raises(ValueError, match="by must be 'subject' or 'recording', got 'segment'"):
         comparison.tests(by="segment")
+
+
+EFFORTS = ("least torque", "least torque change", "least work", "least work and acceleration")
+
+
+def test_motions_of_least_effort_are_computed_on_request(
+    comparison: go.studies.MethodComparison, recordings: list[go.recordings.Recording]
+) -> None:
+    """In a flat metric, least torque is minimum acceleration."""
+    assert not set(EFFORTS) & set(comparison.methods)
+    flat = {"flat": lambda model: go.Euclidean(model.dof)}
+    chosen = ["minimum acceleration", *EFFORTS]
+    found = go.studies.compare_methods(
+        recordings[0], flat, methods=chosen, segments=[[(0, 20), (20, 60)]]
+    )
+    assert found.methods == ("flat", *chosen)
+    errors = dict(zip(found.methods, found.values()[0], strict=True))
+    assert errors["least torque"] == pytest.approx(errors["minimum acceleration"], rel=1e-6)
+    assert len({round(errors[name], 6) for name in EFFORTS}) == len(EFFORTS)
+    received = {found.observed[name].partition(";")[0] for name in EFFORTS}
+    assert received == {"2 configurations, 2 velocities"}
+    for wrong in ("least torque", ["minimum snap"]):
+        with pytest.raises(ValueError, match="methods must be some of Riemannian cubics, "):
+            go.studies.compare_methods(recordings, metrics(), methods=wrong)
+
+
+def test_geodesics_need_the_fewest_numbers_where_people_move_along_them(
+    recordings: list[go.recordings.Recording],
+) -> None:
+    found = go.studies.compare_at_equal_numbers(
+        recordings[:2], go.KineticEnergy, numbers=(7.0, 12.0), spacing=0.25
+    )
+    # n + 1 = 3 numbers at both ends of a recording of 1 s, 2 n = 4 for cubics and splines.
+    assert np.isfinite(found.errors[:2, :, 0]).all()
+    assert np.isnan(found.errors[2:, :, 0]).all()
+    assert found.errors[0] == pytest.approx(0.0, abs=1e-7)
+    assert found.errors[1].min() > 1e-4
+    assert header_of(found.table()) == (
+        "method",
+        "7 per s [rad]",
+        "7 per s, best of 0",
+        "12 per s [rad]",
+        "12 per s, best of 2",
+    )
+    # A geodesic with a cubic time law is a Riemannian cubic: both are exact up to rounding.
+    assert found.wins[[0, 2, 4], 1].sum() == 2
+    assert go.studies.EqualNumbers in check_reprs([found])
+    with pytest.raises(ValueError, match="numbers must be positive"):
+        go.studies.compare_at_equal_numbers(recordings, numbers=(0.0,))
+    with pytest.raises(ValueError, match="recordings must be one or more"):
+        go.studies.compare_at_equal_numbers([])

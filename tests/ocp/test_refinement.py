@@ -108,14 +108,16 @@ def test_low_degree_gives_the_guess_where_high_degrees_fail() -> None:
     """Finer grids fail here until polynomials of degree two have been tried."""
     problem, seen = PlaneAroundDisc(), []
 
-    def solve_on(grid: go.Grid, guess: go.Path | None, near: bool) -> go.Solution:
-        solution = go.solve(problem, grid=grid, guess=guess)
+    def solve_on(grid: go.Grid, guess: go.Path | go.Solution | None) -> go.Solution:
+        near = isinstance(guess, go.Solution)
+        path = guess.path if isinstance(guess, go.Solution) else guess
+        solution = go.solve(problem, grid=grid, guess=path)
         seen.append((grid.degree, guess is None, near))
         failed = near and all(degree > 2 for degree, _, _ in seen)
         return replace(solution, stats=replace(solution.stats, success=not failed))
 
     profile = violation_profile(parse_conditions(problem))
-    found = refine(solve_on, profile, solve_on(go.Grid(8, 4), None, False), 1e-5, None)
+    found = refine(solve_on, profile, solve_on(go.Grid(8, 4), None), 1e-5, None)
     assert found.stats.success
     assert found.stats.max_path_violation <= 1e-5
     assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]
@@ -207,3 +209,13 @@ def test_paths_through_an_obstacle_are_no_solutions(options: Any) -> None:
     assert not solution.certificate.stationary
     with pytest.raises(go.NotConverged):
         solution.to_motion(1.0)
+
+
+def test_multipliers_are_carried_to_another_grid() -> None:
+    """A fine grid takes fewer iterations from the solution on a coarse one than from its path."""
+    problem, fine = PlaneAroundDisc(), go.Grid(32, 3)
+    coarse = go.solve(problem, grid=go.Grid(16, 3))
+    carried = go.solve(problem, grid=fine, guess=coarse)
+    plain = go.solve(problem, grid=fine, guess=coarse.path)
+    assert carried.stats.objective == pytest.approx(plain.stats.objective, rel=1e-9)
+    assert carried.stats.iterations < 0.7 * plain.stats.iterations

@@ -30,7 +30,7 @@ def rows_of(
             "duration_s": 2.0,
             "metric": "kinetic energy",
             "method": method,
-            "method_label": LABELS[method],
+            "method_label": LABELS.get(method, method),
             "segments": 2,
             "joint_error_rad": error,
             "position_error_m": None if error is None else error / 2.0,

@@ -19,7 +19,7 @@ from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordi
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import locked, result_key
 from geodesic_ocp.studies.sources import recording_sources
-from geodesic_ocp.studies.study_tables import read_table
+from geodesic_ocp.studies.study_tables import key_of, read_table
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
 
@@ -67,10 +67,13 @@ def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None
     recording = read_recording(file)
     analysis = go.analyse(recording.model, recording.motion, 0.4)
     rows = by_file(result.recordings(), "Bo/reach_1.csv")
-    assert {row["method"] for row in rows} == set(analysis.errors)
+    second, noisy = (analysis.second_order_errors(unfiltered=of) for of in (False, True))
+    errors_of = analysis.errors | {key_of(name): found for name, found in second.items()}
+    before_of = analysis.errors_unfiltered | {key_of(name): noisy[name] for name in noisy}
+    assert [row["method"] for row in rows] == [*errors_of]
     for row in rows:
         method = str(row["method"])
-        errors, before = analysis.errors[method], analysis.errors_unfiltered[method]
+        errors, before = errors_of[method], before_of[method]
         assert row["joint_error_rad"] == pytest.approx(errors.joint)
         assert row["position_error_m"] == pytest.approx(errors.position)
         assert row["orientation_error_rad"] == pytest.approx(errors.orientation)

@@ -295,3 +295,15 @@ def test_names_that_may_be_of_one_person_are_noted() -> None:
 
 def test_reprs_are_short() -> None:
     assert StudyResult in check_reprs([study_of_rows(*drawn(0, 3, 2))])
+
+
+def test_methods_of_second_order_are_tested_against_what_receives_the_same() -> None:
+    names = "riemannian", "euclidean_same_segments", "riemannian_cubics", "minimum_acceleration"
+    errors = dict(zip(names, (1.0, 2.0, 0.5, 0.7), strict=True))
+    study = study_of(("a", "Ann", errors), ("b", "Bob", errors))
+    tests = study.tests()
+    assert dict(tests["against"]) == {OWN: LINES, "riemannian_cubics": "minimum_acceleration"}
+    assert tests["mean difference [rad]"].tolist() == pytest.approx([-1.0, -0.2])
+    everything = study.tests(against="minimum_acceleration")
+    assert set(everything["against"]) == {"minimum_acceleration"}
+    assert len(everything) == 3

@@ -110,7 +110,8 @@ def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Pa
     folder.mkdir(parents=True)
     (folder / "table.md").write_text("of an older analysis, to be replaced")
     files = bundled_analysis.save(folder)
-    expected = ["figure.pdf", "figure.png", "synergies.json", *TABLES]
+    expected = ["figure.pdf", "figure.png", "second_order.csv", "second_order.md"]
+    expected += ["synergies.json", *TABLES]
     assert [file.name for file in files] == expected
     assert sorted(file.name for file in folder.iterdir()) == expected
     assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")

@@ -73,3 +73,37 @@ def test_optimal_cuts_of_cubics_find_where_a_motion_changes() -> None:
     assert found.errors[found.counts == 1][0] > 1e-3
     with pytest.raises(ValueError, match="curve must be one of 'geodesic', 'cubic'"):
         go.synergies.segment_optimal(HUMAN, motion, count=2, curve="line")  # type: ignore[arg-type]
+
+
+def test_an_analysis_tells_what_each_method_receives() -> None:
+    analysis = go.analyse(ARM, wave(), segments=SEGMENTS)
+    table = analysis.second_order()
+    assert list(table.index) == [
+        "geodesics, kinetic energy with joint inertia",
+        "Riemannian cubics",
+        "minimum acceleration",
+        "Riemannian spline",
+        "cubic spline",
+    ]
+    assert table["receives for a segment"].iloc[1] == "2 configurations, 2 velocities"
+    errors = go.synergies.motion_errors(
+        ARM, analysis.motion, riemannian_cubics(analysis.metric, analysis.motion, SEGMENTS)
+    )
+    assert table["joints [rad]"].iloc[1] == errors.joint
+    assert table["joints [rad]"].iloc[0] == analysis.table()["joints [rad]"].iloc[0]
+    assert table["hand [m]"].iloc[1] == errors.position
+
+
+def test_knots_of_a_spline_are_found_again() -> None:
+    points = np.array([[0.0, 1.0], [0.8, 0.2], [-0.5, 0.6], [0.4, 0.0]])
+    original = go.spline(go.Euclidean(2), [0.0, 0.3, 0.6, 1.0], points, v0=[1.0, 0.0], v1=[0, 1])
+    motion = go.Motion(TIME, original(TIME), ("x", "y"), original(TIME, 1))
+    found = go.synergies.spline_knots(go.Euclidean(2), motion, spacing=0.1)
+    assert found.counts.tolist() == list(range(1, 11))
+    assert found.segments(3) == [(0, 15), (15, 30), (30, 50)]
+    assert found.errors[2] < 1e-12 < 1e-3 < found.errors[1]
+    assert found.count_for(1e-6) == 3
+    with pytest.raises(ValueError, match="error must be at least"):
+        found.count_for(-1.0)
+    with pytest.raises(ValueError, match="count must be one of 1 to 10, got 11"):
+        found.segments(11)

@@ -20,6 +20,7 @@ from geodesic_ocp.cli.options import (
     Sides,
     each_side,
 )
+from geodesic_ocp.cli.study import study
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
@@ -219,6 +220,8 @@ def _summarize(
     )
     kind = "filtered" if motion.filter else "observed" if fit is None else "fitted"
     print(f"\nmean errors against the {kind} recording\n\n{text(analysis.table())}")
+    second = text(analysis.second_order())
+    print(f"\nthe same segments with velocities at their ends, or as splines\n\n{second}")
     if analysis.errors_unfiltered:  # not without a filter
         table = analysis.table(unfiltered=True)
         print(f"\nmean errors against the unfiltered recording\n\n{text(table)}")
@@ -266,6 +269,7 @@ def _analyse_many(
         raise ValueError("--time-limit is for processes of this computer, not for --scheduler")
     pattern = given.pop("subject_from", None)
     address = given.pop("scheduler", None)
+    with_study = given.pop("study", False)
     left_out: set[str] = set()
     with progress() as bar:
 
@@ -288,6 +292,7 @@ def _analyse_many(
                     **given,
                     **cluster,
                     subject_pattern=pattern,
+                    fit=with_study,
                     progress=bar,
                     finished=show,
                 )
@@ -298,6 +303,9 @@ def _analyse_many(
         if outcome.source.name not in left_out:  # as the same motion as another
             print(f"left out: {outcome}")
     _summarize_many(result)
+    if with_study and len(result.recordings()):
+        print()
+        study([out], out=out / "study")
     return 1 if result.failures else 0
 
 

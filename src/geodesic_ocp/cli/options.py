@@ -77,6 +77,8 @@ class ManyRecordings:
         subject_from: pattern of the paths without their suffix, such as `{subject}/{trial}` or
             `{subject}_*_{trial}`; default: the subject in the file, or the name of its folder.
         time_limit: time after which a recording is left out [s]; not with --scheduler.
+        study: also fit the joint inertia of every subject, and write the statistics over subjects
+            (see `geodesic-ocp study`) to the folder study of the results.
         tables_only: only write the tables from the results so far, also while another run works.
     """
 
@@ -86,6 +88,7 @@ class ManyRecordings:
     subjects: Path | None = None
     subject_from: str | None = None
     time_limit: float | None = None
+    study: Flag = False
     tables_only: Flag = False
 
     def given(self) -> dict[str, Any]:

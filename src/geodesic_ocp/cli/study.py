@@ -48,6 +48,9 @@ def study(
     print(f"\n{text(tests.drop(columns=['against', 'sign test p']))}")
     if found.synergies is not None and len(found.synergies):
         print(f"\n{text(found.synergy_statistics())}")
+    if found.profiles is not None:
+        print(f"\njoint inertia of each subject\n\n{text(found.joint_inertia())}")
+        print(f"\n{text(found.scaling())}")
     if files:
         print()
     print_written(files)

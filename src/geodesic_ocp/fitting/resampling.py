@@ -200,7 +200,7 @@ def bootstrap_fit(
     for column, members in enumerate(units.values()):
         weights[:, members] = drawn[:, [column]]
     if len(fit.estimates) == 1:
-        estimates = _on_profile(curve or error_profile(fit, progress=progress), weights)
+        estimates = minimizers(curve or error_profile(fit, progress=progress), weights)
     else:
         estimates = _newton_steps(fit, weights)
     # Nothing is known of parameters that the data do not determine.
@@ -214,8 +214,11 @@ def bootstrap_fit(
     )
 
 
-def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
-    """Get minimizers (count, 1) of the weighted sums of the recordings' interpolated profiles."""
+def minimizers(curve: ErrorProfile, weights: Array) -> Array:
+    """Return minimizers (count, 1) of weighted sums of the recordings' interpolated profiles.
+
+    0 or inf where the sum is least at the first or the last value.
+    """
     logs = np.log(curve.values)
     fine = np.linspace(logs[0], logs[-1], _FINE)
     errors = CubicSpline(logs, curve.errors**2)(fine)  # (fine, recordings)

@@ -109,6 +109,12 @@ class _Rows:
     condition: Condition
     index: NDArray[np.int64]
 
+    @property
+    def kind(self) -> tuple[str, int, bool]:
+        """Name, number of values, and whether it holds along the path."""
+        count, size = self.index.shape
+        return self.condition.name, size, count > 1
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NodeBounds(ShortRepr):
@@ -200,11 +206,32 @@ class NodeBounds(ShortRepr):
             result[rows.condition.name] = found[0] if len(found) == 1 else found
         return result
 
+    def carried(
+        self, grid: Grid, lam_x: Array, lam_g: Array, before: NodeBounds, old: Grid
+    ) -> tuple[Array, Array] | None:
+        """Return multipliers here for those on another grid; None for other conditions.
+
+        Along the path, multipliers per unit of s are interpolated.
+        """
+        x, g = np.zeros(self.lower.size), np.zeros(self.lower_g.size)
+        here, there = list(self._all_rows(x, g)), list(before._all_rows(lam_x, lam_g))
+        if [rows.kind for rows, _ in here] != [rows.kind for rows, _ in there]:
+            return None
+        for (rows, target), (old_rows, source) in zip(here, there, strict=True):
+            values = source[old_rows.index]
+            if (s := _nodes(old).get(len(values))) is not None:
+                fine = _nodes(grid)[len(rows.index)]
+                density = values / _spacing(s)[:, None]
+                values = np.stack([np.interp(fine, s, each) for each in density.T], axis=1)
+                values *= _spacing(fine)[:, None]
+            target[rows.index] = values
+        return x, g
+
     def switching_points(
         self, grid: Grid, active_x: NDArray[np.bool_], active_g: NDArray[np.bool_]
     ) -> tuple[float, ...]:
         """Get s between the nodes where a condition along the path becomes active or inactive."""
-        nodes = {grid.collocations: grid.in_segments(grid.nodes).ravel(), grid.size: grid.nodes}
+        nodes = _nodes(grid)
         found: set[float] = set()
         for rows, active in self._all_rows(active_x, active_g):
             if (s := nodes.get(len(rows.index))) is not None:
@@ -215,6 +242,17 @@ class NodeBounds(ShortRepr):
     def _all_rows(self, x: NDArray[Any], g: NDArray[Any]) -> Iterator[tuple[_Rows, NDArray[Any]]]:
         yield from ((rows, x.ravel()) for rows in self._in_x)
         yield from ((rows, g) for rows in self._in_g)
+
+
+def _nodes(grid: Grid) -> dict[int, Array]:
+    """Return s of the nodes at which conditions hold along a path, by their number."""
+    return {grid.collocations: grid.in_segments(grid.nodes).ravel(), grid.size: grid.nodes}
+
+
+def _spacing(s: Array) -> Array:
+    """Return the length of s that belongs to each node."""
+    middle = np.concatenate([s[:1], (s[1:] + s[:-1]) / 2.0, s[-1:]])
+    return np.diff(middle)
 
 
 def _interleaved(group: Sequence[Condition], count: int, start: int) -> Iterator[_Rows]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from geodesic_ocp.arrays import (
     Array,
@@ -31,7 +32,14 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.motion_kernels import SegmentBasis
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.conditions import Condition, stacked
-from geodesic_ocp.ocp.motion_program import bisected, instants, knots_of, state_matrix, variables
+from geodesic_ocp.ocp.motion_program import (
+    bisected,
+    instants,
+    knots_of,
+    state_cells,
+    state_matrix,
+    variables,
+)
 from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, check_symbols, listed
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
@@ -47,6 +55,7 @@ _CHANGE = 1e-4  # of the cost from one round to the next, relative
 _CONSTANT = 1e-9  # violation by a row that no motion changes
 _ROUNDING = 1e-12  # of the unit of cost
 _TINY, _BESIDE = 1e-6, 1e-3  # displacements of variables [rad or m, per s]
+_TINY_OF_RATES = 1e-9  # jerk is larger by a power of the time of a segment
 _IPOPT = {"tol": 1e-9, "max_iter": 500}
 _NEAR = {"mu_init": 1e-6, "bound_push": 1e-6, "bound_frac": 1e-6}
 
@@ -82,6 +91,13 @@ class MotionProblem(ABC):
     def cost(self, t: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Any:
         """Return the running cost: by default tau' G(q)^-1 tau / 2, tau the `torque`."""
         return ca.dot(torque, ca.solve(self.metric.matrix(q), torque)) / 2.0
+
+    def rate_cost(self, q: ca.SX, v: ca.SX, a: ca.SX, jerk: ca.SX, torque_rate: ca.SX) -> Any:
+        """Return what jerk q''' and rate of the `torque` add to the running cost: zero.
+
+        If the jerk occurs in it, accelerations and torques are continuous.
+        """
+        return 0.0
 
     def torque(self, q: ca.SX, v: ca.SX, a: ca.SX) -> Any:
         """Return the generalised force of the motion: by default G a + Gamma(v, v), no gravity.
@@ -181,6 +197,7 @@ class _Parsed:
     metric: Metric
     duration: float
     state: ca.SX
+    jerk: ca.SX
     time: ca.SX
     at_ends: ca.SX
     cost: ca.SX
@@ -195,17 +212,25 @@ class _Parsed:
         """Call each method of the problem once; ValueError where the problem is malformed."""
         metric = as_metric(problem.metric)
         duration = as_positive("duration", problem.duration, "s")
-        names = ("q", "v", "a", "q0", "v0", "q1", "v1")
-        q, v, a, q0, v0, q1, v1 = (ca.SX.sym(name, metric.dim) for name in names)
+        names = ("q", "v", "a", "j", "q0", "v0", "q1", "v1")
+        q, v, a, jerk, q0, v0, q1, v1 = (ca.SX.sym(name, metric.dim) for name in names)
         t, state, at_ends = ca.SX.sym("t"), ca.vertcat(q, v, a), ca.vertcat(q0, v0, q1, v1)
         torque = as_expression("torque", problem.torque(q, v, a))
         if torque.shape != (metric.dim, 1):
             raise ValueError(f"torque must have shape ({metric.dim}, 1), got {torque.shape}")
         check_symbols("torque", torque, (q, v, a))
-        cost = as_expression("cost", problem.cost(t, q, v, a, torque))
-        if cost.shape != (1, 1):
-            raise ValueError(f"cost must be a scalar, got shape {cost.shape}")
-        check_symbols("cost", cost, (t, q, v, a))
+        rate = ca.jtimes(torque, state, ca.vertcat(v, a, jerk))
+        costs = {
+            "cost": problem.cost(t, q, v, a, torque),
+            "rate_cost": problem.rate_cost(q, v, a, jerk, rate),
+        }
+        costs = {name: as_expression(name, each) for name, each in costs.items()}
+        for name, each in costs.items():
+            if each.shape != (1, 1):
+                raise ValueError(f"{name} must be a scalar, got shape {each.shape}")
+            arguments = (t, q, v, a) if name == "cost" else (q, v, a, jerk)
+            check_symbols(name, each, arguments)
+        cost = ca.plus(*costs.values())
 
         def equalities(label: str, entries: Any, *symbols: ca.SX) -> tuple[Condition, ...]:
             column = ca.vertcat(*symbols)
@@ -229,7 +254,7 @@ class _Parsed:
                 f"{', '.join(f'{at:.6g}' for at in times)}"
             )
         return cls(
-            *(problem, metric, duration, state, t, at_ends, cost, torque),
+            *(problem, metric, duration, state, jerk, t, at_ends, cost, torque),
             ends=equalities("boundary", problem.boundary(q0, q1, v0, v1), q0, v0, q1, v1),
             along=tuple(_varying(along, (t, q, v, a))),
             via_times=times,
@@ -261,9 +286,24 @@ class _Parsed:
         clamped = tuple(
             (2, np.zeros(n)) if np.isnan(v).any() else (1, v) for v in known[[0, -1], 1]
         )
-        spline = CubicSpline(edges if own is None else times, points, bc_type=clamped)
-        knots = np.hstack([spline(times), spline(times, 1)])
+        at = edges if own is None else times
+        curve = CubicSpline(at, points, bc_type=clamped)
+        if own is None:
+            given = np.isfinite(known[:, 1])
+            curve = CubicHermiteSpline(at, points, np.where(given, known[:, 1], curve(at, 1)))
+        knots = np.hstack([curve(times), curve(times, 1)])
         return _Motion(times, knots, np.zeros((len(times) - 1, _BASIS.bubbles, n)), np.zeros(0))
+
+    @cached_property
+    def has_rate(self) -> bool:
+        """Whether the running cost depends on the jerk, so that accelerations are continuous."""
+        return bool(ca.depends_on(self.cost, self.jerk))
+
+    @cached_property
+    def running(self) -> Terms:
+        """The running cost of an instant, in (q, v, a), or in (q, v, a, jerk) if that occurs."""
+        state = ca.vertcat(self.state, self.jerk) if self.has_rate else self.state
+        return Terms(state, self.time, self.cost)
 
     def program(self, times: Array, more: Array) -> BlockProgram:
         """Return the program of motions with knots at these times.
@@ -274,9 +314,20 @@ class _Parsed:
         s, weights = _BASIS.rule
         at = instants(times, s)
         size = (len(durations) * (2 + _BASIS.bubbles) + 2) * n
-        running = Terms(self.state, self.time, self.cost)
+        orders = range(self.running.size // n)
+        cells = state_cells(_BASIS, times, n, s, orders)
         each = np.outer(durations, weights).ravel()
-        blocks = [Block(running, state_matrix(_BASIS, times, n, at), at[:, None], weights=each)]
+        blocks = [Block(self.running, cells, at[:, None], weights=each)]
+        if self.has_rate and len(durations) > 1:
+            after, before = (
+                state_matrix(_BASIS, times, n, times[1:-1], [2], before=each)
+                for each in (False, True)
+            )
+            # In [rad or m], as the variables are: accelerations are larger the finer the grid.
+            scale = np.repeat(np.minimum(durations[1:], durations[:-1]) ** 2, n)[:, None]
+            jump = Terms(self.jerk, None, 0.0, self.jerk)  # of q'', by any n symbols
+            zeros = np.zeros((len(durations) - 1, n))
+            blocks.append(Block(jump, (after - before).multiply(scale), None, zeros, zeros))
         if self.along:
             at = np.unique(np.concatenate([at, times, more]))
             terms = Terms(self.state, self.time, 0.0, stacked(self.along))
@@ -432,7 +483,8 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
 
         In this unit, Ipopt's tolerance is relative.
         """
-        beside = x + _TINY * np.random.default_rng(0).normal(size=x.size)
+        tiny = _TINY_OF_RATES if parsed.has_rate else _TINY
+        beside = x + tiny * np.random.default_rng(0).normal(size=x.size)
         values = [abs(float(program.functions["nlp"](each, [])[0])) for each in (x, beside)]
         return max(values) if 0.0 < max(values) < np.inf else 1.0
 

@@ -7,38 +7,76 @@ once continuously differentiable at the knots.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.cells import Cells
 from geodesic_ocp.manifold.motion_kernels import SegmentBasis
 
 
-def state_matrix(basis: SegmentBasis, times: Array, dim: int, at: Array) -> scipy.sparse.csr_array:
+def state_matrix(
+    basis: SegmentBasis,
+    times: Array,
+    dim: int,
+    at: Array,
+    orders: Sequence[int] = (0, 1, 2),
+    *,
+    before: bool = False,
+) -> scipy.sparse.csr_array:
     """Return the matrix from a motion's variables to (q, q', q'') at some instants.
 
     Args:
         basis: polynomials of each segment.
         times: of the knots (k + 1,) [s].
         dim: number n of coordinates.
-        at: increasing (m,) [s]; at a knot, q'' is that of the segment after it.
+        at: increasing (m,) [s]; at a knot, derivatives are those of the segment after it.
+        orders: of the derivatives that are wanted.
+        before: at a knot, derivatives are those of the segment before it.
 
     Returns:
-        A matrix of 3 n rows for each instant.
+        A matrix of n rows for each instant and order.
     """
     width, durations = 2 + basis.bubbles, np.diff(times)
-    order = [0, 1, *range(4, width + 2), 2, 3]  # of the functions by their variables
-    segment = np.searchsorted(times[1:-1], at, "right")
-    rows = scipy.sparse.lil_array((3 * at.size, width * durations.size + 2))
+    segment = np.searchsorted(times[1:-1], at, "left" if before else "right")
+    rows = scipy.sparse.lil_array((len(orders) * at.size, width * durations.size + 2))
     for k in np.unique(segment):
-        here, duration = np.flatnonzero(segment == k), durations[k]
-        scale = np.ones(width + 2)
-        scale[[1, 3]] = duration
-        s = (at[here] - times[k]) / duration
-        values = [basis.values(s, d) * scale[:, None] / duration**d for d in range(3)]
-        local = np.stack(values, axis=-1)[order].transpose(1, 2, 0).reshape(-1, width + 2)
-        rows[3 * here[0] : 3 * here[-1] + 3, k * width : (k + 1) * width + 2] = local
+        here = np.flatnonzero(segment == k)
+        values = _values(basis, (at[here] - times[k]) / durations[k], orders)
+        local = _rows(values, durations[k], orders)
+        own = slice(len(orders) * here[0], len(orders) * (here[-1] + 1))
+        rows[own, k * width : (k + 1) * width + 2] = local.reshape(-1, width + 2)
     return scipy.sparse.csr_array(scipy.sparse.kron(rows, scipy.sparse.eye_array(dim)))
+
+
+def state_cells(
+    basis: SegmentBasis, times: Array, dim: int, s: Array, orders: Sequence[int] = (0, 1, 2)
+) -> Cells:
+    """Return the maps of `state_matrix` at the fractions s of all segments, cell by cell."""
+    width, durations = 2 + basis.bubbles, np.diff(times)
+    first = width * np.arange(durations.size)[:, None, None]
+    nodes = first + np.arange(width + 2)[:, None]
+    values = _values(basis, s, orders)
+    rows = np.array([_rows(values, duration, orders) for duration in durations])
+    return Cells(dim * nodes + np.arange(dim), rows)
+
+
+def _values(basis: SegmentBasis, s: Array, orders: Sequence[int]) -> Array:
+    """Return derivatives of a segment's functions (k, orders, functions) at fractions s (k,).
+
+    The functions are in the order of the variables: the segment's own before those of its end.
+    """
+    order = [0, 1, *range(4, 4 + basis.bubbles), 2, 3]
+    return np.stack([basis.values(s, d) for d in orders])[:, order].transpose(2, 0, 1)
+
+
+def _rows(values: Array, duration: float, orders: Sequence[int]) -> Array:
+    """Return `_values` for a segment of this duration, by its variables."""
+    scale = np.ones(values.shape[2])
+    scale[[1, -1]] = duration  # velocities
+    return np.asarray(values * scale / duration ** np.array(orders)[:, None])
 
 
 def instants(times: Array, s: Array) -> Array:

@@ -38,9 +38,9 @@ _PATIENCE, _WORSE = 3, 1.2
 
 
 class SolveOn(Protocol):
-    """Solves on a grid from an initial guess; `near` tells that the guess is nearly a solution."""
+    """Solves on a grid from a path, or from a solution with its multipliers."""
 
-    def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
+    def __call__(self, grid: Grid, guess: Path | Solution | None) -> Solution:
         """Return the solution, or the last iterate."""
 
 
@@ -49,7 +49,7 @@ def refine(
     profile: ViolationProfile,
     first: Solution,
     tolerance: float | None,
-    guess: Path | None,
+    guess: Path | Solution | None,
 ) -> Solution:
     """Return the solution on a grid fine enough for the tolerance.
 
@@ -74,11 +74,12 @@ def refine(
     if solution.stats.success or solution.stats.status == STOPPED or not first.stats.success:
         return solution
     grid = first.path.grid
-    rough = _recorded(solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False), solution)
+    path = guess.path if isinstance(guess, Solution) else guess
+    rough = _recorded(solve_on(_regrid(grid, 4 * grid.segments, 2), path), solution)
     if not rough.stats.success:
         return solution
     finer = _regrid(rough.path.grid, 2 * grid.segments, grid.degree)
-    again = _recorded(solve_on(finer, rough.path, False), rough)
+    again = _recorded(solve_on(finer, rough.path), rough)
     again = _halved_until_fine(solve_on, profile, again, tolerance)
     return again if again.stats.success else solution
 
@@ -125,7 +126,7 @@ def _halved_until_fine(
         if start is None:
             return first
         before, grid = start
-        return _recorded(solve_on(grid, before.path, True), before)
+        return _recorded(solve_on(grid, before), before)
 
     def examine(number: int, found: Solution) -> tuple[Solution, tuple[Solution, Grid] | None]:
         stats, path = found.stats, found.path

@@ -43,7 +43,7 @@ _WARM_START = {
     "warm_start_slack_bound_push": 1e-8,
     "warm_start_slack_bound_frac": 1e-8,
     "warm_start_mult_bound_push": 1e-8,
-    "mu_init": 1e-6,
+    "mu_init": 1e-9,
 }
 
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
@@ -134,16 +134,14 @@ def solve(
         return found
     definition = problem.definition()
     first = definition.grid if grid is None else grid
-    before = guess if isinstance(guess, Solution) else None
-    start = guess.path if isinstance(guess, Solution) else guess
-    solver = _Solver(problem, definition, dict(ipopt or {}), callback, before)
+    solver = _Solver(problem, definition, dict(ipopt or {}), callback)
     conditions = definition.conditions
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
         _check_refinable(conditions)
-    solution = solver.solve_from(first, start)
+    solution = solver.solve_from(first, guess)
     if tolerance is not None or grid is None:
-        solution = refine(solver, violation_profile(conditions), solution, tolerance, start)
+        solution = refine(solver, violation_profile(conditions), solution, tolerance, guess)
     else:
         solution = meeting_conditions(solution, "leave grid out, or set tolerance")
     if throw and not solution.stats.success:
@@ -175,34 +173,34 @@ class _Solver:
     definition: ProblemDefinition
     ipopt: Mapping[str, Any]
     callback: Callback | None
-    before: Solution | None
 
-    def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
-        """Return the solution or last iterate on a grid; near: the guess is nearly a solution."""
+    def __call__(self, grid: Grid, guess: Path | Solution | None) -> Solution:
+        """Return the solution or last iterate on a grid, from a path or another solution."""
+        if isinstance(guess, Solution):
+            nlp = build_nlp(self.definition, grid, guess.path)
+            multipliers = _multipliers(nlp, guess)
+            usual = {**NEAR, **(_WARM_START if multipliers else {})}
+            return self._optimize_via(self._solve_nlp(nlp, usual, multipliers))
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
-        return self._optimize_via(self._solve_once(grid, guess, NEAR if near else {}))
+        return self._optimize_via(self._solve_once(grid, guess, {}))
 
-    def solve_from(self, grid: Grid, start: Path | None) -> Solution:
-        """Get the solution on a grid, from another solution if there is one, else from a path."""
-        if self.before is None:
-            return self(grid, start, False)
-        nlp = build_nlp(self.definition, grid, start)
-        multipliers = _scaled_multipliers(nlp, self.before)
-        usual = {**NEAR, **(_WARM_START if multipliers else {})}
-        solution = self._optimize_via(self._solve_nlp(nlp, usual, multipliers))
-        if solution.stats.success or solution.stats.status == STOPPED:
+    def solve_from(self, grid: Grid, start: Path | Solution | None) -> Solution:
+        """Get the solution on a grid, from another solution's path alone if nothing else helps."""
+        solution = self(grid, start)
+        stats = solution.stats
+        if stats.success or stats.status == STOPPED or not isinstance(start, Solution):
             return solution
-        return self(grid, start, False)
+        return self(grid, start.path)
 
     def _solve_from_coarse(self, grid: Grid) -> Solution:
         """Solve on a coarse grid first, as with a free end high degrees tend to oscillate."""
-        coarse = self(_COARSE, None, False)
+        coarse = self(_COARSE, None)
         if coarse.stats.status == STOPPED:
             return coarse
         if coarse.stats.success:
-            return with_effort_of(coarse.stats, self(grid, coarse.path, True))
+            return with_effort_of(coarse.stats, self(grid, coarse))
         return with_effort_of(coarse.stats, self._solve_once(grid, None, {}))
 
     def _optimize_via(self, solution: Solution) -> Solution:
@@ -261,17 +259,15 @@ class _Solver:
         return replace(solution, stats=replace(before, status=_SADDLE))
 
 
-def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
-    """Return another solution's multipliers in the NLP's units, if conditions and grid are the
-    same.
-    """
+def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
+    """Return another solution's multipliers in the NLP's units; none if conditions differ."""
     old, units = before.iterate, nlp.units
-    old_units = old.nlp.units
-    if before.path.grid != nlp.grid or old.lam_g.size != nlp.bounds.lower_g.size:
+    carried = nlp.bounds.carried(nlp.grid, old.lam_x, old.lam_g, old.nlp.bounds, before.path.grid)
+    if carried is None:
         return {}
-    energies = old_units.scale / units.scale
-    lam_x = old.lam_x * energies * (units.length / old_units.length)
-    return {"lam_x0": lam_x, "lam_g0": old.lam_g * energies}
+    energies = old.nlp.units.scale / units.scale
+    lengths = units.length / old.nlp.units.length
+    return {"lam_x0": carried[0] * energies * lengths, "lam_g0": carried[1] * energies}
 
 
 def _ipopt(transcription: Transcription, settings: Settings, relay: Relay | None = None) -> Ipopt:

@@ -26,6 +26,7 @@ from geodesic_ocp.recordings.read_recording import read_recording, that_apply
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.joint_inertias import profile_rows
 from geodesic_ocp.studies.result_files import (
     RESULTS,
     SYNERGIES,
@@ -152,7 +153,9 @@ def run_task(task: RecordingTask) -> RecordingOutcome:
 
 def _analysed(task: RecordingTask) -> RecordingOutcome:
     target = task.folder / RESULTS / result_name(task.source, task.key)
-    if (record := read_result(target)) is not None:  # of a process that died right after it
+    if (
+        record := read_result(target, task.fit)
+    ) is not None:  # of a process that died right after it
         return outcome_of(task.source, task.key, record)
     start = time.perf_counter()
     try:
@@ -200,6 +203,8 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
         "recordings": [same | row for row in recording_rows(analysis)],
         "synergies": [own | row for row in synergy_rows(analysis)],
     }
+    if task.fit:
+        record["profiles"] = profile_rows(analysis)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "synergies.json"
         save_synergies(file, analysis.synergies, motion.joint_names, analysis.model)

@@ -106,6 +106,7 @@ def analyse_recordings(
     subject_pattern: str | None = None,
     subjects: str | PathLike[str] | None = None,
     time_limit: float | None = None,
+    fit: bool = False,
     tables_only: bool = False,
     progress: Progress | None = None,
     finished: Callable[[RecordingOutcome], object] | None = None,
@@ -138,6 +139,8 @@ def analyse_recordings(
             end of the recording's path, with or without its suffix.
         time_limit: time limit of a recording [s], after which its process is ended and it is left
             out; not with an executor.
+        fit: also compute how the error of each recording depends on the joint inertia
+            (profiles.csv), for `StudyResult.joint_inertia`. It takes several times as long.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
@@ -179,7 +182,7 @@ def analyse_recordings(
             finished(outcome)
         report(_LABEL, len(found), len(sources))
 
-    tasks = _tasks(sources, settings, folder, time_limit, add)
+    tasks = _tasks(sources, settings, folder, time_limit, fit and not tables_only, add)
     with nullcontext() if tables_only else locked(folder):
         with closing(_run(tasks, jobs, executor, tables_only)) as run:
             for outcome in run:
@@ -222,6 +225,7 @@ def _tasks(
     settings: AnalysisSettings,
     folder: Path,
     time_limit: float | None,
+    fit: bool,
     add: Callable[[RecordingOutcome], None],
 ) -> Iterator[RecordingTask]:
     """Yield the recordings that are to be analysed; outcomes of the others are added on the way."""
@@ -236,11 +240,11 @@ def _tasks(
                 outcome = RecordingOutcome(source, "file", f"cannot be read: {failure.strerror}")
             else:
                 same = first.setdefault(key, source.name)
-                record = read_result(known[key]) if key in known else None
+                record = read_result(known[key], fit) if key in known else None
                 if same != source.name:
                     outcome = RecordingOutcome(source, "same", f"is the same file as {same}")
                 elif record is None:
-                    yield RecordingTask(source, settings, folder, key, time_limit)
+                    yield RecordingTask(source, settings, folder, key, time_limit, fit)
                     continue
                 else:
                     outcome = outcome_of(source, key, record)

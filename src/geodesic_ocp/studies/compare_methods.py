@@ -22,16 +22,19 @@ from geodesic_ocp.studies.paired_test import PairedTest, paired_test
 from geodesic_ocp.synergies.baselines import (
     distal_inertia,
     distal_joints,
-    minimum_acceleration,
     minimum_jerk,
     minimum_jerk_hand,
 )
-from geodesic_ocp.synergies.scores import SCORES, Scores, score
-from geodesic_ocp.synergies.second_order import (
-    cubic_spline,
-    riemannian_cubics,
-    riemannian_spline,
+from geodesic_ocp.synergies.least_effort import (
+    LeastTorque,
+    LeastTorqueChange,
+    LeastWork,
+    LeastWorkAndAcceleration,
+    ThroughStates,
+    least_effort,
 )
+from geodesic_ocp.synergies.scores import SCORES, Scores, score
+from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, TWO_STATES
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.synergy import as_segments, reconstruct
 from geodesic_ocp.tables import markdown, new_table
@@ -203,23 +206,15 @@ class MethodComparison:
 
 _Segments = Sequence[tuple[int, int]]
 _Method = Callable[[Metric, Recording, _Segments], Motion]
-_TWO_STATES = "2 configurations, 2 velocities"
-_KNOTS = "1 configuration; 2 velocities of the recording"
+
+
+def _of_motion(predict: Callable[[Metric, Motion, _Segments], Motion]) -> _Method:
+    return lambda metric, given, segments: predict(metric, given.motion, segments)
+
+
 # Other predictions, from the first metric or from none, and what they receive.
 _OTHERS: dict[str, tuple[_Method, str]] = {
-    "Riemannian cubics": (
-        lambda metric, given, segments: riemannian_cubics(metric, given.motion, segments),
-        _TWO_STATES,
-    ),
-    "minimum acceleration": (
-        lambda _, given, segments: minimum_acceleration(given.motion, segments),
-        _TWO_STATES,
-    ),
-    "Riemannian spline": (
-        lambda metric, given, segments: riemannian_spline(metric, given.motion, segments),
-        _KNOTS,
-    ),
-    "cubic spline": (lambda _, given, segments: cubic_spline(given.motion, segments), _KNOTS),
+    **{name: (_of_motion(each.predict), each.receives) for name, each in SECOND_ORDER.items()},
     "minimum jerk": (
         lambda _, given, segments: minimum_jerk(given.motion, segments),
         "2 configurations, 2 velocities, 2 accelerations",
@@ -229,7 +224,21 @@ _OTHERS: dict[str, tuple[_Method, str]] = {
         "1 configuration, 2 hand poses, velocities, accelerations",
     ),
 }
-_OF_A_GEODESIC = "2 configurations, 2 speeds"
+_SLOW: dict[str, tuple[type[ThroughStates], str]] = {
+    "least torque": (LeastTorque, TWO_STATES),
+    "least torque change": (LeastTorqueChange, f"{TWO_STATES}; torques continuous"),
+    "least work": (LeastWork, TWO_STATES),
+    "least work and acceleration": (LeastWorkAndAcceleration, TWO_STATES),
+}
+
+
+def _effort(kind: type[ThroughStates]) -> _Method:
+    return lambda metric, given, segments: least_effort(
+        kind, metric, given.model, given.motion, segments
+    )
+
+
+_ALL = _OTHERS | {name: (_effort(kind), received) for name, (kind, received) in _SLOW.items()}
 
 
 @shows_progress
@@ -237,6 +246,7 @@ def compare_methods(
     recordings: Recording | Sequence[Recording],
     metrics: Mapping[str, MetricOrFunction] | None = None,
     *,
+    methods: Sequence[str] | None = None,
     segments: Literal["same"] | Sequence[_Segments] = "same",
     threshold: float = 0.6,
     progress: Progress | None = None,
@@ -245,8 +255,10 @@ def compare_methods(
 
     Geodesics of each metric (`reconstruct`) are compared with second-order motions of the first
     metric, Riemannian cubics and splines, with their counterparts of a constant metric, minimum
-    acceleration and cubic splines, and with minimum jerk of the joints and of the hand. The methods
-    do not receive the same data; the table has a column that says what each receives for a segment.
+    acceleration and cubic splines, and with minimum jerk of the joints and of the hand. Motions of
+    least effort, which take seconds for a recording, are computed if `methods` names them: "least
+    torque", "least torque change", "least work" and "least work and acceleration". The methods do
+    not receive the same data; the table has a column that says what each receives for a segment.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -264,6 +276,8 @@ def compare_methods(
             else `default_joint_inertia`), the kinetic energy without it, the kinetic energy with
             joint inertia on the distal joints alone (`distal_inertia`; of `human_arm` only), and
             the Euclidean metric, whose geodesics are straight lines.
+        methods: names of the other predictions, in the order of the table; None: all but those of
+            least effort.
         segments: "same": every recording is cut by the first metric (`segment`), and all methods
             predict these segments; or the segments of each recording, which all methods predict.
         threshold: threshold of the segmentation [rad], see `segment`.
@@ -273,8 +287,9 @@ def compare_methods(
         All scores. Where a method fails on a recording, as a geodesic is not found, they are NaN.
 
     Raises:
-        ValueError: no recordings or metrics, segments that do not cover their recording, a metric
-            of another dimension, a recording that never moves, or a threshold that is out of range.
+        ValueError: no recordings or metrics, an unknown method, segments that do not cover their
+            recording, a metric of another dimension, a recording that never moves, or a threshold
+            that is out of range.
         IntegrationFailed: the first metric is singular along a recording, see `segment`.
     """
     given = [recordings] if isinstance(recordings, Recording) else recordings
@@ -282,9 +297,12 @@ def compare_methods(
     if not recordings or not all(isinstance(each, Recording) for each in recordings):
         raise ValueError("recordings must be one or more of go.recordings.Recording")
     metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
-    if same := metrics.keys() & _OTHERS.keys():
+    if same := metrics.keys() & _ALL.keys():
         raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")
-    methods = (*metrics, *_OTHERS)
+    others = tuple(_OTHERS if methods is None else methods)
+    if isinstance(methods, str) or not _ALL.keys() >= set(others):
+        raise ValueError(f"methods must be some of {', '.join(_ALL)}, got {methods!r}")
+    methods = (*metrics, *dict.fromkeys(others))
     total, done = len(recordings) * (len(methods) + 1), 0
 
     def report(label: str) -> None:
@@ -313,7 +331,7 @@ def compare_methods(
                     predicted = reconstruct(its_metric, recording.motion, pieces).predicted
                 else:
                     first = metric(methods[0], recording.model)
-                    predicted = _OTHERS[method][0](first, recording, pieces)
+                    predicted = _ALL[method][0](first, recording, pieces)
                 scores[method].append(score(recording.model, recording.motion, predicted, pieces))
             except GeodesicOcpError as failure:
                 reason = str(failure).partition("\n")[0]
@@ -326,7 +344,7 @@ def compare_methods(
         subjects=tuple(recording.subject for recording in recordings),
         methods=methods,
         segments=tuple(tuple(pieces) for pieces in cuts),
-        observed={method: _OTHERS.get(method, ((), _OF_A_GEODESIC))[1] for method in methods},
+        observed={method: _ALL.get(method, ((), OF_A_GEODESIC))[1] for method in methods},
         scores={method: tuple(scores[method]) for method in methods},
         failures=tuple(failures),
     )

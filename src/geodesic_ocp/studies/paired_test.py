@@ -111,9 +111,7 @@ def paired_test(
     first, second = (_numbers(name, value) for name, value in (("a", a), ("b", b)))
     if first.shape != second.shape:
         raise ValueError(f"a and b must be pairs, got {first.size} and {second.size} numbers")
-    confidence = as_number("confidence", confidence)
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
+    confidence = as_confidence(confidence)
     as_integer("seed", seed, 0)
     if by is not None and len(by) != first.size:
         raise ValueError(f"by must have {first.size} labels, one for each pair, got {len(by)}")
@@ -147,6 +145,18 @@ def paired_test(
         wilcoxon_p=float(scipy.stats.wilcoxon(unequal).pvalue) if unequal.size else 1.0,
         smallest_p=min(1.0, 2.0 ** (1 - unequal.size)),
     )
+
+
+def as_confidence(value: float) -> float:
+    """Return the confidence of an interval.
+
+    Raises:
+        ValueError: it is not a number between 0 and 1.
+    """
+    number = as_number("confidence", value)
+    if not 0.0 < number < 1.0:
+        raise ValueError(f"confidence must be in (0, 1), got {number:g}")
+    return number
 
 
 def _pairs(count: int) -> str:

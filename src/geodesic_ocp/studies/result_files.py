@@ -25,6 +25,7 @@ from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.sources import RecordingSource, identity
 from geodesic_ocp.studies.study_tables import (
     PARQUET_HINT,
+    TABLES,
     Row,
     has_parquet,
     new_rows,
@@ -48,6 +49,7 @@ class RecordingTask:
         folder: folder of the output, absolute.
         key: key of the result, see `result_key`.
         time_limit: time limit of the process that analyses it [s], or None.
+        fit: whether the result has the profile of the joint inertia.
     """
 
     source: RecordingSource
@@ -55,6 +57,7 @@ class RecordingTask:
     folder: Path
     key: str
     time_limit: float | None = None
+    fit: bool = False
 
     def __repr__(self) -> str:
         return f"RecordingTask({self.source.name!r}, {self.key[:8]})"
@@ -95,7 +98,7 @@ class RecordingOutcome:
         return f"RecordingOutcome({self.source.name!r}, {self.kind}: {self.text})"
 
 
-FORMAT, VERSION = "geodesic_ocp result of a recording", 1
+FORMAT, VERSION = "geodesic_ocp result of a recording", 2
 RESULTS = "results"  # folder of the results, within that of the output
 SYNERGIES = ".synergies.json"
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
@@ -144,11 +147,18 @@ def write_result(path: Path, record: dict[str, Any]) -> None:
     write_file(path, text, lasting=True)
 
 
-def read_result(path: Path) -> dict[str, Any] | None:
-    """Return the record of a result; None if the file is missing, damaged or of another version."""
+def read_result(path: Path, fit: bool = False) -> dict[str, Any] | None:
+    """Return the record of a result; None if the file is missing, damaged or of another version.
+
+    Args:
+        path: path of the file.
+        fit: also None if the result has no profile of the joint inertia.
+    """
     try:
         record = read_record(path, FORMAT, VERSION, "a result")
     except RecordingError:
+        return None
+    if fit and "profiles" not in record:
         return None
     return record if record.pop("checksum", None) == _checksum(record) else None
 
@@ -261,7 +271,7 @@ def collect(
     records = [read_result(paths[each.key]) if each.key in paths else None for each in outcomes]
     pairs = zip(outcomes, records, strict=True)
     same = equal_motions([None if r is None else (o.source.side, *r["probes"]) for o, r in pairs])
-    rows: Rows = {"recordings": [], "synergies": [], "failures": []}
+    rows: Rows = {name: [] for name in TABLES}
     kept = []
     for number, (outcome, record) in enumerate(zip(outcomes, records, strict=True)):
         if outcome.success and record is None:
@@ -272,8 +282,8 @@ def collect(
             outcome = RecordingOutcome(outcome.source, "same", text)
         elif record is not None:
             names = identity(outcome.source, record["own_subject"])
-            for table in ("recordings", "synergies"):
-                rows[table] += [names | row for row in record[table]]
+            for table in ("recordings", "synergies", "profiles"):
+                rows[table] += [names | row for row in record.get(table, ())]
         if not outcome.success:
             rows["failures"].append(_failure_row(outcome))
         kept.append(outcome)
@@ -292,7 +302,7 @@ def write_tables(
     settings: AnalysisSettings,
     notes: Sequence[str],
 ) -> tuple[Path, ...]:
-    """Write recordings, synergies and failures as tables, and summary.md; returns the paths."""
+    """Write the tables, that of profiles if there are any, and summary.md; returns the paths."""
     subjects = {row["subject"] for row in rows["recordings"]}
     failures = [outcome for outcome in outcomes if not outcome.success]
     warned = [outcome for outcome in outcomes if outcome.success and outcome.warnings]
@@ -322,7 +332,11 @@ def write_tables(
             cells = [[" ".join(text.split()).replace("|", "\\|") for text in e] for e in entries]
             table = markdown(new_table(("recording", *header.split()), cells))
             lines += ["", f"## {title}", "", table.rstrip()]
-    files = [file for name, own in rows.items() for file in write_table(folder, name, own)]
+    if not rows["profiles"]:  # nor those of an earlier command
+        for suffix in (".csv", ".parquet"):
+            (folder / f"profiles{suffix}").unlink(missing_ok=True)
+    tables = {name: own for name, own in rows.items() if own or name != "profiles"}
+    files = [file for name, own in tables.items() for file in write_table(folder, name, own)]
     return (*files, write_file(folder / "summary.md", "\n".join(lines) + "\n"))
 
 

@@ -55,7 +55,7 @@ def study(
 
     Args:
         source: the output folder of `geodesic-ocp analyse DIR --out FOLDER`; or the paths of its
-            tables, recordings.csv (or .parquet) and, if wanted, synergies.csv and failures.csv;
+            tables, recordings.csv (or .parquet) and, if wanted, the others;
             or analyses in memory.
         by: column of the table of recordings whose values are conditions, such as "condition",
             "trial" or "side"; means and tests are then made for each.
@@ -153,8 +153,8 @@ def read_study_tables(
 ) -> dict[str, DataFrame]:
     """Read the tables of an output folder, or from the files whose paths are given, by name.
 
-    In a folder recordings, synergies and failures are read from .csv files, or from .parquet
-    files where only these are there. Given files are told apart by the beginning of their names.
+    In a folder the tables are read from .csv files, or from .parquet files where only these are
+    there. Given files are told apart by the beginning of their names.
 
     Raises:
         RecordingError: there is no table of recordings, a table cannot be read, or tables disagree
@@ -168,6 +168,11 @@ def read_study_tables(
     tables = {name: read_table(file, name) for name, file in files.items()}
     if tables["recordings"].empty:
         raise RecordingError(f"{files['recordings']}: has no recordings")
+    for name in ("synergies", "profiles"):
+        if name in tables and (
+            unknown := sorted({*tables[name]["recording"]} - {*tables["recordings"]["recording"]})
+        ):
+            raise RecordingError(f"{files[name]}: {unknown[0]} is not in the table of recordings")
     if "synergies" in tables:
         _check_synergies(tables["recordings"], tables["synergies"], files["synergies"])
     return tables
@@ -210,8 +215,6 @@ def _by_name(files: Sequence[Path]) -> dict[str, Path]:
 def _check_synergies(recordings: DataFrame, synergies: DataFrame, file: Path) -> None:
     """Raise RecordingError if a recording has another number of synergies than segments."""
     counts = Counter(synergies["recording"])
-    if unknown := sorted(set(counts) - set(recordings["recording"])):
-        raise RecordingError(f"{file}: {unknown[0]} is not in the table of recordings")
     own = recordings[(recordings["method"] == "riemannian") & recordings["segments"].notna()]
     for name, expected in zip(own["recording"], own["segments"], strict=True):
         if expected != counts[name]:

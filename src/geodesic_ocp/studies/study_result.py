@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
-from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.study_figures import (
     Means,
     differences_figure,
@@ -26,8 +26,10 @@ from geodesic_ocp.drawing.study_figures import (
 from geodesic_ocp.drawing.styles import save_figure
 from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
-from geodesic_ocp.studies.paired_test import holm, paired_test, rank_biserial
-from geodesic_ocp.studies.study_tables import new_rows
+from geodesic_ocp.studies.joint_inertias import inertia_table, scaling_table
+from geodesic_ocp.studies.paired_test import as_confidence, holm, paired_test, rank_biserial
+from geodesic_ocp.studies.study_tables import key_of, new_rows
+from geodesic_ocp.synergies.second_order import SECOND_ORDER
 from geodesic_ocp.tables import latex, markdown
 
 if TYPE_CHECKING:
@@ -73,7 +75,25 @@ MEASURES = {
 }
 _SHOWN = ("joint", "position", "orientation")
 _OWN = "riemannian"
-_ORDER = (_OWN, "joint_inertia", "kinetic_energy", "euclidean_same_segments", "euclidean")
+_FIRST_ORDER = (
+    _OWN,
+    "joint_inertia",
+    "kinetic_energy",
+    "euclidean_same_segments",
+    "euclidean",
+    "ik",
+)
+_ORDER = (*_FIRST_ORDER, *map(key_of, SECOND_ORDER))
+# Methods of second order are compared with those that receive the same.
+_COUNTERPARTS = {
+    key_of(name): key_of(each.counterpart)
+    for name, each in SECOND_ORDER.items()
+    if each.counterpart is not None
+}
+_RECEIVED = [
+    "Riemannian cubics and minimum acceleration also receive the directions of the velocities at "
+    "the segments' ends, splines only the configurations there."
+]
 _LIKE_FOR_LIKE = f"{STRAIGHT_LINES}, same segments"
 _LEVELS = (0.25, 0.5, 0.75)
 _ROUNDING = 1e-12  # of the size of numbers that are equal
@@ -113,10 +133,11 @@ def _count(number: int, noun: str) -> str:
 
 
 class _Pairs(NamedTuple):
-    """Means (k, 2) of k subjects of a method under a condition and of the reference."""
+    """Means (k, 2) of k subjects of a method under a condition and of its reference."""
 
     condition: str
     method: str
+    against: str
     means: Array
     left_out: set[str]
 
@@ -133,12 +154,14 @@ class StudyResult:
         synergies: one row for each synergy; None if there is no such table.
         failures: one row for each recording that was left out of the analysis.
         by: column whose values are conditions; None for a single condition.
+        profiles: one row for each recording and joint inertia; None if they were not computed.
     """
 
     recordings: DataFrame
     synergies: DataFrame | None = None
     failures: DataFrame = field(default_factory=lambda: new_rows([], "failures"))
     by: str | None = None
+    profiles: DataFrame | None = None
 
     def __repr__(self) -> str:
         counts = [
@@ -231,8 +254,7 @@ class StudyResult:
         """
         from pandas import concat
 
-        if not 0.0 < as_number("confidence", confidence) < 1.0:
-            raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
+        as_confidence(confidence)
         names = measures or self._known(_SHOWN) or _SHOWN[:1]
         parts = {as_measure(each).header: self._means(each, confidence, complete) for each in names}
         found = concat(parts, names=["measure"])
@@ -242,6 +264,7 @@ class StudyResult:
             "Means over subjects of the subjects' means. SD: standard deviation over subjects. "
             "Intervals: of the mean, by Student's t.",
             *(unequal if len(counts) > 1 else []),
+            *(_RECEIVED if {*_COUNTERPARTS} & {*self.methods} else []),
             *self.notes,
         ]
         found.attrs["note"] = " ".join(sentences)
@@ -308,7 +331,8 @@ class StudyResult:
         Args:
             measure: see `means`.
             against: a method, by key or label, or a condition; by default straight lines on the
-                same segments.
+                same segments, and for methods of second order their counterparts in a constant
+                metric, which receive the same.
             confidence, seed: confidence and seed of the bootstrap interval of the mean difference,
                 see `paired_test`.
 
@@ -328,7 +352,6 @@ class StudyResult:
         from pandas import DataFrame
 
         _, key = self._reference(against)
-        label = self.methods.get(key, key)
         columns = [
             *("condition", "method", "against"),
             *("subjects", "left out", "smaller in", "larger in"),
@@ -345,7 +368,7 @@ class StudyResult:
             notes.append(test.note)
             rows.append(
                 (
-                    *(each.condition, each.method, label),
+                    *(each.condition, each.method, self.methods.get(each.against, each.against)),
                     *(test.pairs, len(each.left_out), test.wins, test.losses),
                     *(test.mean_difference, *test.interval, rank_biserial(a - b)),
                     *(test.sign_p, test.wilcoxon_p),
@@ -361,7 +384,7 @@ class StudyResult:
             f"{_count(len(rows), 'test')} by Holm's method."
         ]
         if not rows:
-            note = [f"No subject can be compared with {label}."]
+            note = [f"No subject can be compared with {self.methods.get(key, key)}."]
         elif most == 1:
             note.append("One subject only: there is nothing to test.")
         else:
@@ -381,13 +404,20 @@ class StudyResult:
         table = groups["value"].mean().unstack(compared).astype(float)
         people = self._rows.groupby("condition", observed=True)["subject"].unique().map(set)
         found = {}
-        for each in [name for name in table.columns if name != key and key in table.columns]:
-            means = table[[each, key]].dropna().groupby(same[:2], observed=True).mean()
+        own_references = dict.fromkeys(table.columns, key)
+        if against is None:
+            own_references |= {**_COUNTERPARTS, **{each: each for each in _COUNTERPARTS.values()}}
+        for each, reference in own_references.items():
+            if each == reference or not {each, reference} <= {*table.columns}:
+                continue
+            means = table[[each, reference]].dropna().groupby(same[:2], observed=True).mean()
             for other, own in means.groupby(level=0, observed=True):
                 condition, method = (other, each) if is_method else (each, other)
-                everybody = people[condition] | (set() if is_method else people[key])
+                everybody = people[condition] | (set() if is_method else people[reference])
                 left_out = everybody - {*own.index.get_level_values("subject")}
-                found[condition, method] = _Pairs(condition, method, own.to_numpy(), left_out)
+                found[condition, method] = _Pairs(
+                    condition, method, reference, own.to_numpy(), left_out
+                )
         order = product(self.conditions, self.methods)
         return [found[place] for place in order if place in found]
 
@@ -441,6 +471,65 @@ class StudyResult:
         found = found if self.by else found.droplevel(0)
         found.attrs["note"] = " ".join(["Segments at rest count as synergies.", *self._caveats])
         return found
+
+    def joint_inertia(self, *, confidence: float = 0.95, seed: int = 0) -> DataFrame:
+        """Return the joint inertia with which geodesics are nearest to each subject's recordings.
+
+        The estimate minimizes the mean over the subject's recordings of the squared error, on their
+        interpolated profiles. Its interval is the percentile bootstrap over the recordings. The
+        last row of several subjects is the geometric mean over them, with an interval by Student's
+        t of the logarithms.
+
+        Args:
+            confidence, seed: confidence of the intervals, and seed of the bootstrap.
+
+        Raises:
+            ValueError: there are no profiles, see `analyse_recordings`.
+        """
+        table = inertia_table(self._profiles, as_confidence(confidence), seed)
+        if missing := self._rows["recording"].nunique() - self._profiles["recording"].nunique():
+            table.attrs["note"] += f" {_count(missing, 'recording')} without a profile."
+        return self._with_caveats(table)
+
+    def scaling(self, *, confidence: float = 0.95) -> DataFrame:
+        """Return whether the subjects' joint inertia is proportional to m r^2.
+
+        The exponent b of joint inertia [kg m^2] ~ (m r^2)^b is the slope of their logarithms by
+        least squares. It is tested against 1, proportional, and 0, the same for everybody;
+        p-values are corrected by Holm's method for the tests in the table. Subjects whose height or
+        mass is assumed, or given by an option for all, are left out: an estimate is relative to
+        m r^2, so that a wrong one makes the joint inertia appear proportional to it.
+
+        Args:
+            confidence: confidence of the interval.
+
+        Raises:
+            ValueError: there are no profiles, see `analyse_recordings`.
+        """
+        return self._with_caveats(scaling_table(self._profiles, as_confidence(confidence)))
+
+    @cached_property
+    def _profiles(self) -> DataFrame:
+        """Rows of the profiles, each with what is known of its recording."""
+        if self.profiles is None:
+            raise ValueError(
+                "the study has no profiles of the joint inertia (profiles.csv): analyse with "
+                "--study, or analyse_recordings(..., fit=True)"
+            )
+        known = self._rows.drop_duplicates("recording").set_index("recording")
+        facts = known[["condition", "subject", "height_m", "mass_kg"]].assign(
+            assumed=known[["height_from", "mass_from"]].isin(("assumed", "given")).any(axis=1),
+        )
+        return self.profiles.drop(columns="subject").join(facts, on="recording", how="inner")
+
+    def _with_caveats(self, table: DataFrame) -> DataFrame:
+        """Return a table by curve and condition without levels of one value, with all its notes."""
+        note = " ".join([table.attrs["note"], *self._caveats])
+        if table.index.unique("curve").size == 1:
+            table = table.droplevel("curve")
+        table = self._by_condition(table)
+        table.attrs["note"] = note
+        return table
 
     @cached_property
     def _synergies(self) -> DataFrame:
@@ -537,7 +626,8 @@ class StudyResult:
         with paper_style():
             if len(tests):
                 points = [each.means[:, 0] - each.means[:, 1] for each in pairs]
-                chosen, label = MEASURES[measure], str(tests["against"].iloc[0])
+                chosen, references = MEASURES[measure], tests["against"].unique()
+                label = str(references[0]) if len(references) == 1 else "the counterpart"
                 figures["differences"] = differences_figure(
                     tests, points, label, chosen.axis, chosen.scale
                 )
@@ -578,6 +668,9 @@ class StudyResult:
         }
         if self.synergies is not None and len(self.synergies):
             tables["synergy_statistics"] = "Synergies by subject", self.synergy_statistics()
+        if self.profiles is not None:
+            tables["joint_inertia"] = "Joint inertia by subject", self.joint_inertia()
+            tables["scaling"] = "Joint inertia against m r^2", self.scaling()
         for name in known:
             tables[f"by_subject_{name}"] = (
                 f"By subject: {MEASURES[name].header}",

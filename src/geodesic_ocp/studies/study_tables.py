@@ -1,7 +1,8 @@
 """The tables of many recordings: their columns, and how they are read and written.
 
-recordings.csv has one row for each recording and method, synergies.csv one for each synergy, and
-failures.csv one for each recording without a result. Units are the suffix of a column's name.
+recordings.csv has one row for each recording and method, synergies.csv one for each synergy,
+profiles.csv one for each recording and joint inertia, and failures.csv one for each recording
+without a result. Units are the suffix of a column's name.
 """
 
 from __future__ import annotations
@@ -80,9 +81,17 @@ SYNERGIES: dict[str, Kind] = {
     **_ERRORS,
     "settings": "text",
 }
+PROFILES: dict[str, Kind] = {
+    **IDENTITY,
+    "curve": "text",  # what is fitted to the segments: "geodesic"
+    "joint_inertia_m_r2": "number",  # relative to m r^2 of the arm
+    "rms_error_rad": "number",  # the least of the joints, over all curves of this joint inertia
+    "m_r2_kg_m2": "number",  # moving mass times squared reach of the arm
+}
 TABLES: dict[str, dict[str, Kind]] = {
     "recordings": RECORDINGS,
     "synergies": SYNERGIES,
+    "profiles": PROFILES,
     # Kinds of failures: file, solver, process, same (as another), missing or error.
     "failures": {**IDENTITY, "kind": "text", "reason": "text"},
 }
@@ -101,7 +110,7 @@ def recording_rows(analysis: Analysis) -> list[Row]:
         "threshold_rad": analysis.threshold,
     }
     labels = analysis.labels()
-    return [
+    rows = [
         same
         | {
             "method": method,
@@ -112,6 +121,20 @@ def recording_rows(analysis: Analysis) -> list[Row]:
         | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
         for method in (*analysis.errors, *analysis.not_found)
     ]
+    unfiltered = analysis.second_order_errors(unfiltered=True) if analysis.errors_unfiltered else {}
+    for name, errors in analysis.second_order_errors().items():
+        own: Row = {
+            "method": key_of(name),
+            "method_label": name,
+            "segments": len(analysis.segments),
+        }
+        rows.append(same | own | _errors(errors) | _errors(unfiltered.get(name), "_unfiltered"))
+    return rows
+
+
+def key_of(label: str) -> str:
+    """Return the method of a label of second order: "Riemannian cubics" -> "riemannian_cubics"."""
+    return label.lower().replace(" ", "_")
 
 
 def synergy_rows(analysis: Analysis) -> list[Row]:
@@ -278,10 +301,23 @@ def entry_of_file(entries: Mapping[str, Entry], file: str) -> Entry | None:
 _NEEDED = {
     "recordings": ("recording", "subject", "method", "duration_s", "joint_error_rad"),
     "synergies": ("recording", "subject", "duration_s", "length"),
+    "profiles": ("recording", "curve", "joint_inertia_m_r2", "rms_error_rad", "m_r2_kg_m2"),
     "failures": ("recording", "reason"),
 }
-_NOT_NEGATIVE = ("joint_error", "position_error", "orientation_error", "duration", "length", "segm")
-_KEYS = {"recordings": ["recording", "method"], "synergies": ["recording", "synergy"]}
+_NOT_NEGATIVE = (
+    "joint_error",
+    "position_error",
+    "orientation_error",
+    "duration",
+    "length",
+    "segm",
+    "rms",
+)
+_KEYS = {
+    "recordings": ["recording", "method"],
+    "synergies": ["recording", "synergy"],
+    "profiles": ["recording", "curve", "joint_inertia_m_r2"],
+}
 
 
 def new_rows(rows: Iterable[Mapping[str, Any]], table: str) -> DataFrame:

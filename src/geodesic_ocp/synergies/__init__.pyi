@@ -8,6 +8,8 @@ from .scores import Scores as Scores
 from .scores import motion_errors as motion_errors
 from .scores import score as score
 from .segment import segment_zero_velocity as segment_zero_velocity
+from .spline_knots import SplineKnots as SplineKnots
+from .spline_knots import spline_knots as spline_knots
 from .synergy import Reconstruction as Reconstruction
 from .synergy import Synergy as Synergy
 from .synergy import load_synergies as load_synergies

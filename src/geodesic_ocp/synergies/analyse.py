@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from geodesic_ocp.drawing.arm_shapes import Postures
 from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
 from geodesic_ocp.drawing.best_view import across, best_view
 from geodesic_ocp.drawing.styles import new_figure, save_figure
-from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
     JOINT_INERTIA,
@@ -37,6 +38,7 @@ from geodesic_ocp.recordings.recording import check_plausible
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
+from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
 from geodesic_ocp.synergies.synergy import (
     Reconstruction,
@@ -138,18 +140,64 @@ class Analysis:
         if unfiltered and not self.errors_unfiltered:
             raise ValueError("the unfiltered motion is not known: use Motion.filtered")
         errors = self.errors_unfiltered if unfiltered else self.errors
-        columns = [f"{hand} [{unit}]" for hand in hand_labels(self.model.hands) for unit in _UNITS]
-        rows = []
-        for method, label in self.labels().items():
-            entries: list[float] = [np.nan] * (1 + len(columns))
-            if method not in self.not_found:
-                values = errors[method]
-                hands = [(hand.position, hand.orientation) for hand in values.hands or [values]]
-                entries = [values.joint, *chain(*hands)]
-            rows.append((label, self.segment_counts.get(method), *entries))
+        rows = [
+            (label, self.segment_counts.get(method), *self._entries(errors.get(method)))
+            for method, label in self.labels().items()
+        ]
         lacking = ", ".join(self.labels()[method] for method in self.not_found)
         note = f"Not found: {lacking}." if lacking else ""
-        return new_table(("method", "segments", "joints [rad]", *columns), rows, note)
+        return new_table(("method", "segments", *self._columns), rows, note)
+
+    @property
+    def _columns(self) -> list[str]:
+        hands = hand_labels(self.model.hands)
+        return ["joints [rad]", *(f"{hand} [{unit}]" for hand in hands for unit in _UNITS)]
+
+    def _entries(self, errors: MotionErrors | None) -> list[float]:
+        """Return the errors in the order of the columns, NaN if there are none."""
+        if errors is None:
+            return [np.nan] * len(self._columns)
+        hands = [(hand.position, hand.orientation) for hand in errors.hands or [errors]]
+        return [errors.joint, *chain(*hands)]
+
+    def second_order(self) -> DataFrame:
+        """Return mean errors of cubics and splines on the same segments, beside the geodesics.
+
+        Riemannian cubics and splines are those of the metric; minimum acceleration and cubic
+        splines are their counterparts in a constant metric. Each row says what it receives for a
+        segment, besides the duration. Takes some ms for a segment.
+        """
+        errors = self.second_order_errors()
+        own = self._entries(self.errors["riemannian"])
+        rows: list[tuple[object, ...]] = [(self.labels()["riemannian"], OF_A_GEODESIC, *own)]
+        rows += [(k, each.receives, *self._entries(errors[k])) for k, each in SECOND_ORDER.items()]
+        lacking = ", ".join(name for name, found in errors.items() if found is None)
+        note = f"Not found: {lacking}." if lacking else ""
+        return new_table(("method", "receives for a segment", *self._columns), rows, note)
+
+    def second_order_errors(self, *, unfiltered: bool = False) -> dict[str, MotionErrors | None]:
+        """Return mean errors by the names in `second_order`; None for what was not found.
+
+        Args:
+            unfiltered: against the unfiltered motion, if it is known.
+        """
+        seen = self.motion
+        if unfiltered and seen.unfiltered is not None:
+            seen = Motion(seen.time, seen.unfiltered, seen.joint_names)
+        known = self.second_order_predictions
+        return {
+            name: motion_errors(self.model, seen, known[name]) if name in known else None
+            for name in SECOND_ORDER
+        }
+
+    @cached_property
+    def second_order_predictions(self) -> Mapping[str, Motion]:
+        """Cubics and splines on the same segments, by the names in `second_order`."""
+        found = {}
+        for name, each in SECOND_ORDER.items():
+            with suppress(NotConverged):
+                found[name] = each.predict(self.metric, self.motion, self.segments)
+        return found
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
@@ -222,7 +270,7 @@ class Analysis:
     def save(
         self, folder: str | FilePath, *, curve: Callable[[Axes], object] | None = None
     ) -> list[FilePath]:
-        """Write table.csv, table.md, figure.png, figure.pdf and synergies.json to the folder.
+        """Write table and second_order (.csv, .md), figure (.png, .pdf) and synergies.json.
 
         With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md. All are written
         to a temporary folder first and moved together; `load_synergies` reads the last.
@@ -240,7 +288,7 @@ class Analysis:
         return write_together(folder, partial(self._write, curve))
 
     def _write(self, curve: Callable[[Axes], object] | None, folder: FilePath) -> None:
-        tables = {"table": self.table()}
+        tables = {"table": self.table(), "second_order": self.second_order()}
         if self.errors_unfiltered:
             tables["table_unfiltered"] = self.table(unfiltered=True)
         save_tables(folder, tables)

@@ -164,7 +164,7 @@ def optimal_segmentations(
     spacing = as_positive("spacing", spacing, "s")
     max_duration = as_positive("max_duration", max_duration, "s")
     costs = SegmentCosts(metric, motion, measure, model, curve)
-    candidates = _candidates(motion.time, spacing)
+    candidates = cut_candidates(motion.time, spacing)
     gap = float(np.diff(motion.time[candidates]).max())
     if max_duration * (1.0 + _SLACK) < gap:
         raise ValueError(
@@ -301,7 +301,7 @@ class OptimalSegmentations(ShortRepr):
         return [costs.get(pair, np.inf) for pair in pairs]
 
 
-def _candidates(time: Array, spacing: float) -> NDArray[np.int64]:
+def cut_candidates(time: Array, spacing: float) -> NDArray[np.int64]:
     """Return indices of the samples nearest to evenly spaced times, both ends included."""
     count = max(1, round(float(time[-1] - time[0]) / spacing))
     wanted = np.linspace(time[0], time[-1], count + 1)

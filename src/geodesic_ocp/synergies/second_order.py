@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -10,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.logarithm.cubics import cubic, spline
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.synergies.baselines import minimum_acceleration
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.motion import Motion
@@ -81,3 +83,26 @@ def _knots(
 
 def _like(motion: Motion, q: Array, velocity: Array) -> Motion:
     return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)
+
+
+OF_A_GEODESIC = "2 configurations, 2 speeds"
+TWO_STATES = "2 configurations, 2 velocities"
+_KNOTS = "1 configuration; 2 velocities of the recording"
+
+
+class SecondOrder(NamedTuple):
+    """A second-order prediction, what it receives for a segment, and its flat counterpart."""
+
+    predict: Callable[[Metric, Motion, Sequence[tuple[int, int]]], Motion]
+    receives: str
+    counterpart: str | None = None
+
+
+_FLAT_CUBIC, _FLAT_SPLINE = "minimum acceleration", "cubic spline"
+# By their names in tables.
+SECOND_ORDER = {
+    "Riemannian cubics": SecondOrder(riemannian_cubics, TWO_STATES, _FLAT_CUBIC),
+    _FLAT_CUBIC: SecondOrder(lambda _, *given: minimum_acceleration(*given), TWO_STATES),
+    "Riemannian spline": SecondOrder(riemannian_spline, _KNOTS, _FLAT_SPLINE),
+    _FLAT_SPLINE: SecondOrder(lambda _, *given: cubic_spline(*given), _KNOTS),
+}
