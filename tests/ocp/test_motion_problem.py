@@ -193,39 +193,6 @@ def test_an_end_that_cannot_be_met_is_named() -> None:
     assert found.violation[1] == "a sine of two"
 
 
-class LeastJerk(FromRestToRest):
-    def cost(self, t: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Any:
-        return 0.0
-
-    def rate_cost(self, q: ca.SX, v: ca.SX, a: ca.SX, jerk: ca.SX, torque_rate: ca.SX) -> Any:
-        return ca.dot(jerk, jerk)
-
-
-def test_costs_of_jerk_have_continuous_accelerations() -> None:
-    """From rest to rest with free accelerations at the ends, q^(6) = 0 and q''' = 0 there."""
-    found = go.solve(LeastJerk())
-    t = np.linspace(0.0, 1.0, 41)
-    # q''' = c t (1 - t), integrated with q(0) = q'(0) = 0, q'(1) = 0 and q(1) = 1.
-    expected = 2.5 * t**2 - 2.5 * t**4 + t**5
-    np.testing.assert_allclose(found(t)[:, 0], expected, atol=1e-7)
-    jumps = found(found.times[1:-1] - 1e-9, 2) - found(found.times[1:-1] + 1e-9, 2)
-    np.testing.assert_allclose(jumps, 0.0, atol=1e-5)
-
-
-def test_the_rate_of_the_torque_is_its_derivative_in_time() -> None:
-    class LeastTorqueChange(FromRestToRest):
-        cost = LeastJerk.cost
-
-        def rate_cost(self, q: ca.SX, v: ca.SX, a: ca.SX, jerk: ca.SX, torque_rate: ca.SX) -> Any:
-            return ca.dot(torque_rate, torque_rate)
-
-    rods = planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
-    found = go.solve(LeastTorqueChange(go.KineticEnergy(rods), 1.0, (0.0, 0.5), (0.8, 1.2)))
-    t = np.linspace(0.0, 1.0, 2001)
-    rates = np.gradient(found.torques(t), t, axis=0)
-    assert found.cost == pytest.approx(np.trapezoid(np.sum(rates**2, axis=1), t), rel=1e-3)
-
-
 def test_rows_that_no_motion_changes_are_left_out() -> None:
     """As the height of a planar arm's hand."""
 
@@ -263,3 +230,36 @@ def test_poses_and_velocities_of_the_hand_are_conditions() -> None:
     places = np.array([ARM.hand_pose(q)[1] for q in found(np.linspace(0.0, 0.8, 401))])
     speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.002
     assert 0.69 < speeds.max() < 0.7 + 1e-3
+
+
+class LeastJerk(FromRestToRest):
+    def cost(self, t: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX, torque: ca.SX) -> Any:
+        return 0.0
+
+    def rate_cost(self, q: ca.SX, v: ca.SX, a: ca.SX, jerk: ca.SX, torque_rate: ca.SX) -> Any:
+        return ca.dot(jerk, jerk)
+
+
+def test_costs_of_jerk_have_continuous_accelerations() -> None:
+    """From rest to rest with free accelerations at the ends, q^(6) = 0 and q''' = 0 there."""
+    found = go.solve(LeastJerk())
+    t = np.linspace(0.0, 1.0, 41)
+    # q''' = c t (1 - t), integrated with q(0) = q'(0) = 0, q'(1) = 0 and q(1) = 1.
+    expected = 2.5 * t**2 - 2.5 * t**4 + t**5
+    np.testing.assert_allclose(found(t)[:, 0], expected, atol=1e-7)
+    jumps = found(found.times[1:-1] - 1e-9, 2) - found(found.times[1:-1] + 1e-9, 2)
+    np.testing.assert_allclose(jumps, 0.0, atol=1e-5)
+
+
+def test_the_rate_of_the_torque_is_its_derivative_in_time() -> None:
+    class LeastTorqueChange(FromRestToRest):
+        cost = LeastJerk.cost
+
+        def rate_cost(self, q: ca.SX, v: ca.SX, a: ca.SX, jerk: ca.SX, torque_rate: ca.SX) -> Any:
+            return ca.dot(torque_rate, torque_rate)
+
+    rods = planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
+    found = go.solve(LeastTorqueChange(go.KineticEnergy(rods), 1.0, (0.0, 0.5), (0.8, 1.2)))
+    t = np.linspace(0.0, 1.0, 2001)
+    rates = np.gradient(found.torques(t), t, axis=0)
+    assert found.cost == pytest.approx(np.trapezoid(np.sum(rates**2, axis=1), t), rel=1e-3)

@@ -221,16 +221,16 @@ class _Parsed:
         check_symbols("torque", torque, (q, v, a))
         rate = ca.jtimes(torque, state, ca.vertcat(v, a, jerk))
         costs = {
-            "cost": (problem.cost(t, q, v, a, torque), (t, q, v, a)),
-            "rate_cost": (problem.rate_cost(q, v, a, jerk, rate), (q, v, a, jerk)),
+            "cost": problem.cost(t, q, v, a, torque),
+            "rate_cost": problem.rate_cost(q, v, a, jerk, rate),
         }
-        cost = ca.SX(0.0)
-        for name, (given, symbols) in costs.items():
-            each = as_expression(name, given)
+        costs = {name: as_expression(name, each) for name, each in costs.items()}
+        for name, each in costs.items():
             if each.shape != (1, 1):
                 raise ValueError(f"{name} must be a scalar, got shape {each.shape}")
-            check_symbols(name, each, symbols)
-            cost += each
+            arguments = (t, q, v, a) if name == "cost" else (q, v, a, jerk)
+            check_symbols(name, each, arguments)
+        cost = ca.plus(*costs.values())
 
         def equalities(label: str, entries: Any, *symbols: ca.SX) -> tuple[Condition, ...]:
             column = ca.vertcat(*symbols)
