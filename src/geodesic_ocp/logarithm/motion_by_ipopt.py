@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.blocks import Block, BlockProgram
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.motion_kernels import DiscreteMotion, SegmentBasis, second_order
-from geodesic_ocp.ocp.motion_program import instants, knots_of, state_matrix, variables
+from geodesic_ocp.ocp.motion_program import knots_of, state_cells, variables
 
 
 def action_program(
@@ -20,13 +19,14 @@ def action_program(
     many segments.
     """
     n, (s, weights) = metric.dim, basis.rule
-    point, square = ca.SX.sym("z", 3 * n), ca.SX.sym("s")
-    terms = Terms(point, square, second_order(metric).functions["motion_cost"](point, square))
     times = np.append(0.0, np.cumsum(durations))
-    matrix = state_matrix(basis, times, n, instants(times, s))
+    size = (len(durations) * (2 + basis.bubbles) + 2) * n
+    places = state_cells(basis, times, n, s)
     at_points = np.outer(durations, weights).ravel()
     squares = np.full((at_points.size, 1), tension**2)
-    return BlockProgram(matrix.shape[1], [Block(terms, matrix, squares, weights=at_points)])
+    return BlockProgram(
+        size, [Block(second_order(metric).terms, places, squares, weights=at_points)]
+    )
 
 
 def find_by_ipopt(

@@ -28,6 +28,7 @@ from numpy.polynomial.legendre import Legendre, leggauss
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.manifold.kernels import Kernels, blas, one_blas_thread
 
 if TYPE_CHECKING:
@@ -200,6 +201,12 @@ class MotionKernels(Kernels):
     def functions(self) -> dict[str, ca.Function]:
         """The functions of `motion_functions`."""
         return motion_functions(self._metric)
+
+    @cached_property
+    def terms(self) -> Terms:
+        """The running cost as terms of a program, in (q, q', q'') and s."""
+        point, square = ca.SX.sym("z", 3 * self._dim), ca.SX.sym("s")
+        return Terms(point, square, self.functions["motion_cost"](point, square))
 
     @property
     def rate(self) -> ca.Function:
