@@ -13,7 +13,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.recording_part import Measure, SegmentTerms, observe
+from geodesic_ocp.fitting.recording_part import Cost, Measure, SegmentTerms, observe
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
@@ -21,7 +21,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.segment import segment
-from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.trajectory.motion import bandwidth
 
 _AT_BOUND = 1e-4  # distance from a bound, relative to the initial or the largest value
@@ -44,6 +44,7 @@ def fit_metric(
     min_duration: float = 0.1,
     hysteresis: float = 0.1,
     free_ends: bool = False,
+    curve: Curve = "geodesic",
     degree: int = 8,
     progress: Progress | None = None,
 ) -> MetricFit:
@@ -103,10 +104,13 @@ def fit_metric(
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
     if measure not in get_args(Measure):
         raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    if curve not in get_args(Curve):
+        raise ValueError(f"curve must be one of {', '.join(get_args(Curve))}, got {curve!r}")
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
     chosen, report = as_parameters(parameters), progress or no_progress
-    grid = Grid(1, as_integer("degree", degree, 3))
+    degree = as_integer("degree", degree, 5)
+    weights: dict[Cost, float] = {"energy" if curve == "geodesic" else "acceleration": 1.0}
     rule = {"min_duration": min_duration, "hysteresis": hysteresis}
     theta = ca.SX.sym("theta", len(chosen))
     start, lower, upper = np.array([(p.start, p.lower, p.upper) for p in chosen], dtype=float).T
@@ -117,7 +121,7 @@ def fit_metric(
         model = recording.model
         if id(model) not in terms:
             symbolic = with_parameters(metric(model), chosen, ca.vertsplit(theta))
-            terms[id(model)] = SegmentTerms(symbolic, theta, model, measure, grid)
+            terms[id(model)] = SegmentTerms(symbolic, theta, model, measure, degree, weights)
         initial = with_parameters(metric(model), chosen, start.tolist())
         if segments is None:
             cuts: Sequence[tuple[int, int]] = segment(initial, recording.motion, threshold, **rule)

@@ -92,7 +92,7 @@ class MetricProgram(ShortRepr):
     @cached_property
     def num_x(self) -> int:
         """Number of variables of a segment."""
-        return self.parts[0].terms.sample.size
+        return self.parts[0].terms.num_x
 
     @cached_property
     def counts(self) -> list[int]:
@@ -160,19 +160,20 @@ class MetricProgram(ShortRepr):
         """The initial values of all variables."""
         parts = [np.ones(self.size)]
         for part in self.parts:
-            nodes = part.nodes.reshape(part.count, -1)
-            parts.append(np.hstack([nodes, part.end_rates]).ravel())
+            own = part.coefficients.reshape(part.count, -1)
+            parts.append(np.hstack([own, part.end_rates]).ravel())
         return np.concatenate(parts)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of the variables, those of the parameters included."""
-        n = self.parts[0].terms.dim
+        terms = self.parts[0].terms
         lower, upper = np.full((2, sum(self.counts), self.num_x), np.inf)
         lower *= -1.0
-        lower[:, -2:], upper[:, -2:] = 0.0, MAX_END_RATE
+        rates = self.num_x - terms.num_rates
+        lower[:, rates:], upper[:, rates:] = 0.0, MAX_END_RATE
         if not self.free_ends:
-            ends = [*range(n), *range(self.num_x - 2 - n, self.num_x - 2)]
+            ends = np.add.outer(terms.dim * np.array(terms.given), np.arange(terms.dim)).ravel()
             given = self.guess[self.size :].reshape(-1, self.num_x)
             lower[:, ends] = upper[:, ends] = given[:, ends]
         return (
@@ -259,8 +260,9 @@ class MetricProgram(ShortRepr):
         p, hessians = self.size, np.zeros((len(self.parts), self.size, self.size))
         for k, part in enumerate(self.parts):
             block = part.equations(self._first[k], self.start)
-            own = lam_g.reshape(len(self._owners), -1)[self._owners == k].reshape(block.count, -1)
-            inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), own.T]
+            own = lam_g.reshape(len(self._owners), -1)[self._owners == k].ravel()
+            factors = block.of_instances(ca.DM(own))
+            inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), factors]
             entries = ca.sum2(block.terms.mapped("hessian", block.count, inputs)[0]).full()[:, 0]
             shape = block.terms.size, block.terms.size
             upper = scipy.sparse.coo_array((entries, block.terms.hessian_entries), shape).toarray()
