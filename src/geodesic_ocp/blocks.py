@@ -204,9 +204,11 @@ class Block:
         values = ca.DM(0, self.count) if self.values is None else _columns(self.values)
         return [z, values]
 
-    def objective(self, x: ca.MX) -> ca.MX:
-        """Return the weighted sum of the objective of all instances."""
-        return _weighted(self, self.terms.mapped("value", self.count, self.arguments(x))[0])
+    def objectives(self, x: ca.MX) -> ca.MX:
+        """Return the weighted sums of the objective over the instances with the same variables."""
+        values = self.terms.mapped("value", self.count, self.arguments(x))[0]
+        weights = ca.DM.ones(1, self.count) if self.weights is None else _columns(self.weights)
+        return ca.vec(self._summed(values * weights))
 
     def spread(self, at: Indices, values: ca.MX) -> tuple[Indices, Indices, Array, ca.MX]:
         """Return entries of all instances by their variables, as entries by x.

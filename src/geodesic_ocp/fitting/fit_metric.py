@@ -8,19 +8,18 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_integer
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.recording_part import Cost, Measure, SegmentTerms, observe
+from geodesic_ocp.fitting.recording_part import Measure, observe_all
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.trajectory.motion import bandwidth
 
@@ -93,44 +92,29 @@ def fit_metric(
         ValueError: wrong parameters or segments, or models of different numbers of joints.
         NotConverged: Ipopt did not find a solution.
     """
-    listed = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    if not listed or not all(isinstance(each, Recording) for each in listed):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
-    if len({each.model.dof for each in listed}) > 1:
-        raise ValueError("the models of all recordings must have the same number of joints")
-    if segments is not None and len(segments) != len(listed):
-        raise ValueError(f"segments must be given for each of {len(listed)} recordings")
+    chosen, report = as_parameters(parameters), progress or no_progress
     if not callable(metric):
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
-    if measure not in get_args(Measure):
-        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
     if curve not in get_args(Curve):
         raise ValueError(f"curve must be one of {', '.join(get_args(Curve))}, got {curve!r}")
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
-    chosen, report = as_parameters(parameters), progress or no_progress
-    degree = as_integer("degree", degree, 5)
-    weights: dict[Cost, float] = {"energy" if curve == "geodesic" else "acceleration": 1.0}
-    rule = {"min_duration": min_duration, "hysteresis": hysteresis}
     theta = ca.SX.sym("theta", len(chosen))
     start, lower, upper = np.array([(p.start, p.lower, p.upper) for p in chosen], dtype=float).T
-    terms: dict[int, SegmentTerms] = {}  # recordings of one model share them
-    parts = []
-    for number, recording in enumerate(listed):
-        report("preparing recordings", number, len(listed))
-        model = recording.model
-        if id(model) not in terms:
-            symbolic = with_parameters(metric(model), chosen, ca.vertsplit(theta))
-            terms[id(model)] = SegmentTerms(symbolic, theta, model, measure, degree, weights)
-        initial = with_parameters(metric(model), chosen, start.tolist())
-        if segments is None:
-            cuts: Sequence[tuple[int, int]] = segment(initial, recording.motion, threshold, **rule)
-        else:
-            cuts = segments[number]
-        parts.append(observe(recording, initial, cuts, terms[id(model)]))
-    program = MetricProgram(tuple(parts), start, lower, upper, free_ends)
+    parts = observe_all(
+        recordings,
+        lambda model: with_parameters(metric(model), chosen, start.tolist()),
+        lambda model: with_parameters(metric(model), chosen, ca.vertsplit(theta)),
+        theta,
+        {"energy" if curve == "geodesic" else "acceleration": 1.0},
+        *(measure, degree, segments),
+        {"threshold": threshold, "min_duration": min_duration, "hysteresis": hysteresis},
+        report,
+    )
     return solve_program(
-        program, chosen, metric, report=lambda k: report("fitting the metric: iterations", k, 0)
+        MetricProgram(parts, start, lower, upper, free_ends),
+        *(chosen, metric),
+        report=lambda k: report("fitting the metric: iterations", k, 0),
     )
 
 

@@ -47,13 +47,13 @@ _WARM = {
 class LeastErrors(ShortRepr):
     """Derivatives of e_r(theta), half the least mean squared error of recording r.
 
-    The least error over all paths that are geodesics of the metric with these parameters, in units
-    of the deviation; the parameters in units of their initial values.
+    The least error over all predictions with these parameters, in units of the deviation; the
+    parameters in units of their initial values. Of a segment, it is its share of the recording's.
 
     Attributes:
-        values: (recordings,).
-        gradients: (recordings, p).
-        hessians: (recordings, p, p).
+        values: (recordings,) or (segments,).
+        gradients: (recordings, p) or (segments, p).
+        hessians: (recordings, p, p) or (segments, p, p).
     """
 
     values: Array
@@ -75,6 +75,7 @@ class MetricProgram(ShortRepr):
         start: initial values of the parameters (p,), which are their units.
         lower, upper: their bounds (p,).
         free_ends: whether the ends of the paths are estimated; otherwise they are as observed.
+        are_shares: whether the parameters add up to one.
     """
 
     parts: tuple[RecordingPart, ...]
@@ -82,6 +83,7 @@ class MetricProgram(ShortRepr):
     lower: Array
     upper: Array
     free_ends: bool
+    are_shares: bool = False
     _shown = ("size", "counts")
 
     @property
@@ -119,19 +121,28 @@ class MetricProgram(ShortRepr):
         pairs = zip(self.parts, self._first, strict=True)
         equations = [part.equations(first, self.start) for part, first in pairs]
         size = p + self.num_x * sum(self.counts)
-        return BlockProgram(size, [near, *errors, *equations], weights)
+        total, zero, one = _excess_of_shares(p), np.zeros((1, 1)), np.ones((1, p))
+        shares = Block(total, np.arange(p)[None, :], None, zero, zero, None, (0.0 * one, one * self.start))
+        blocks = [near, *errors, *equations, *[shares][: self.are_shares]]
+        return BlockProgram(size, blocks, weights)
 
     @cached_property
     def _errors(self) -> ca.Function:
-        """Half the mean squared error of each recording."""
+        """Half the squared error of each segment, whose sum is the mean over the recording."""
         z = ca.MX.sym("z", self.program.size)
         pairs = zip(self.parts, self._first, strict=True)
-        errors = [part.errors(first, 1.0).objective(z) for part, first in pairs]
+        errors = [part.errors(first, 1.0).objectives(z) for part, first in pairs]
         return ca.Function("errors", [z], [ca.vertcat(*errors)])
+
+    def _of_recordings(self, values: Array) -> Array:
+        """Return the sums over the segments of each recording of values (segments, ...)."""
+        result = np.zeros((len(self.parts), *values.shape[1:]))
+        np.add.at(result, self._owners, values)
+        return result
 
     def mean_squares(self, z: Array) -> Array:
         """Return mean squared error of each recording, (recordings,), in units of the deviation."""
-        return np.asarray(2.0 * self._errors(z).full()[:, 0])
+        return self._of_recordings(2.0 * self._errors(z).full()[:, 0])
 
     @cached_property
     def _listeners(self) -> list[Callable[[int], object]]:
@@ -222,25 +233,35 @@ class MetricProgram(ShortRepr):
             rest = values[self.size :].reshape(-1, self.num_x)[segments]
             return np.concatenate([values[: self.size], rest.ravel()])
 
-        lam_g = solution.lam_g.reshape(-1, self.parts[0].terms.num_equations)[segments].ravel()
+        lam_g = np.append(self._multipliers(solution)[segments], solution.lam_g[self._equations :])
         x, lam_x = of_variables(solution.x), of_variables(solution.lam_x)
         return replace(solution, x=x, lam_x=lam_x, lam_g=lam_g)
 
-    def least_errors(self, solution: Outcome) -> LeastErrors:
+    @property
+    def _equations(self) -> int:
+        """Number of equations of all segments."""
+        return sum(self.counts) * self.parts[0].terms.num_equations
+
+    def _multipliers(self, solution: Outcome) -> Array:
+        """Return multipliers of the equations of each segment, (segments, m)."""
+        return solution.lam_g[: self._equations].reshape(sum(self.counts), -1)
+
+    def least_errors(self, solution: Outcome, by_segment: bool = False) -> LeastErrors:
         """Return derivatives by the parameters at the solution for equal weights of all recordings.
 
         By the implicit function theorem, segment by segment.
         """
-        z, lam_g, ones = solution.x, solution.lam_g, np.ones(len(self.parts))
+        z, ones = solution.x, np.ones(len(self.parts))
         p, m, functions = self.size, self.parts[0].terms.num_equations, self.program.functions
+        factors = self._multipliers(solution)
         jacobian = functions["jac_g"](z, ones)[1].sparse().tocsr()
-        upper = functions["hess_lag"](z, ones, 1.0, lam_g).sparse()
+        upper = functions["hess_lag"](z, ones, 1.0, solution.lam_g).sparse()
         hessian = scipy.sparse.csc_array(upper + scipy.sparse.triu(upper, 1).T)
         lower_bound, upper_bound = self.bounds
         free = (z > lower_bound + _ACTIVE) & (z < upper_bound - _ACTIVE)
-        gradients = np.zeros((len(self.parts), p))
-        hessians = self._curvatures(z, lam_g)
-        for segment, owner in enumerate(self._owners):
+        gradients = np.zeros((sum(self.counts), p))
+        hessians = self._curvatures(z, factors)
+        for segment in range(len(gradients)):
             first, rows = p + segment * self.num_x, slice(segment * m, (segment + 1) * m)
             columns = first + np.flatnonzero(free[first : first + self.num_x])
             equations = jacobian[rows]  # rows first: they are stored together
@@ -249,25 +270,34 @@ class MetricProgram(ShortRepr):
             block, mixed = of_segment[columns].toarray(), of_segment[:p].toarray()
             kkt = np.block([[block, by_x.T], [by_x, np.zeros((m, m))]])
             right = np.vstack([mixed.T, by_theta])
-            hessians[owner] -= right.T @ np.linalg.lstsq(kkt, right, rcond=1e-13)[0]
-            gradients[owner] += by_theta.T @ lam_g[rows]
-        return LeastErrors(self.mean_squares(z) / 2.0, gradients, hessians)
+            hessians[segment] -= right.T @ np.linalg.lstsq(kkt, right, rcond=1e-13)[0]
+            gradients[segment] = by_theta.T @ factors[segment]
+        found = self._errors(z).full()[:, 0], gradients, hessians
+        return LeastErrors(*(found if by_segment else map(self._of_recordings, found)))
 
-    def _curvatures(self, z: Array, lam_g: Array) -> Array:
-        """Return second derivatives (recordings, p, p) of each one's equations by the parameters
+    def _curvatures(self, z: Array, factors: Array) -> Array:
+        """Return second derivatives (segments, p, p) of each one's equations by the parameters
         alone.
+
+        Args:
+            z: the variables.
+            factors: of the equations of each segment, (segments, m).
         """
-        p, hessians = self.size, np.zeros((len(self.parts), self.size, self.size))
+        p, found = self.size, []
         for k, part in enumerate(self.parts):
             block = part.equations(self._first[k], self.start)
-            own = lam_g.reshape(len(self._owners), -1)[self._owners == k].ravel()
-            factors = block.of_instances(ca.DM(own))
-            inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), factors]
-            entries = ca.sum2(block.terms.mapped("hessian", block.count, inputs)[0]).full()[:, 0]
-            shape = block.terms.size, block.terms.size
-            upper = scipy.sparse.coo_array((entries, block.terms.hessian_entries), shape).toarray()
-            hessians[k] = upper[-p:, -p:] * np.outer(self.start, self.start)
-        return np.asarray(hessians + np.triu(hessians, 1).swapaxes(1, 2))
+            own = block.of_instances(ca.DM(factors[self._owners == k].ravel()))
+            inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), own]
+            entries = block.terms.mapped("hessian", block.count, inputs)[0].full()
+            rows, columns = block.terms.hessian_entries
+            corner = rows >= block.terms.size - p
+            hessians = np.zeros((part.count, p, p))
+            sums = entries[corner].reshape(-1, part.count, block.count // part.count).sum(axis=2)
+            at = rows[corner] - block.terms.size, columns[corner] - block.terms.size
+            hessians[:, *at] = sums.T * (self.start[at[0]] * self.start[at[1]])
+            found.append(hessians)
+        upper = np.concatenate(found)
+        return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
 
 @lru_cache(maxsize=1)
@@ -276,3 +306,10 @@ def _change() -> Terms:
     y = ca.SX.sym("y")
     value = (ca.log((y**2 + _NEGLIGIBLE**2) / (1 + _NEGLIGIBLE**2)) / 2) ** 2
     return Terms(y, objective=value)
+
+
+@lru_cache
+def _excess_of_shares(size: int) -> Terms:
+    """Return the sum of shares minus one."""
+    y = ca.SX.sym("y", size)
+    return Terms(y, constraints=ca.sum1(y) - 1.0)

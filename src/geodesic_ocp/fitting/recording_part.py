@@ -22,7 +22,7 @@ well, and the fraction itself as progress; accelerations at the ends are optimal
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -34,7 +34,7 @@ import scipy.sparse
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import Legendre
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, as_integer
 from geodesic_ocp.blocks import Block, Terms
 from geodesic_ocp.cells import Cells, Indices
 from geodesic_ocp.errors import NotConverged
@@ -43,7 +43,10 @@ from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.motion_kernels import SegmentBasis
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.synergies.segment import segment
+from geodesic_ocp.synergies.segment_costs import Pair
 from geodesic_ocp.synergies.synergy import as_segments
 
 Measure = Literal["joint", "position"]
@@ -54,6 +57,7 @@ _MIN_SAMPLES, _MIN_RANGE = 4, 0.05  # [rad or m]
 MAX_END_RATE = 3.0  # of the progress along the path, per duration: up to here it is monotone
 DEVIATION = 0.01  # standard deviation of the error that serves as its unit [rad or m]
 TIME = 0.1  # [s] in which the costs of a mixture are about equal
+_LEAST_DEGREE, _MOST_DEGREE = 5, 14  # beyond, powers of the time are ill-conditioned
 _TO_ENDS = Polynomial([0, 1, -1])  # vanishes at both ends
 
 
@@ -311,6 +315,59 @@ class RecordingPart(ShortRepr):
             units=(np.zeros(one.shape), one),
             sums=scipy.sparse.csr_array(sums),
         )
+
+
+def observe_all(
+    recordings: Recording | Sequence[Recording],
+    metric: Callable[[Model], Metric],
+    symbolic: Callable[[Model], Metric],
+    theta: ca.SX,
+    weights: Mapping[Cost, ca.SX | float],
+    measure: Measure,
+    degree: int,
+    segments: Sequence[Sequence[Pair]] | None,
+    rule: Mapping[str, float],
+    report: Progress,
+) -> tuple[RecordingPart, ...]:
+    """Return the segments of all recordings; those of one model share their terms.
+
+    Args:
+        recordings: recordings of one or more persons.
+        metric: metric of a model with the parameters' initial values.
+        symbolic: the same with the symbols theta.
+        theta: (p, 1).
+        weights: of the costs, numbers or expressions in theta.
+        measure: what is compared.
+        degree: degree of the polynomials.
+        segments: of each recording; None: those of `segment` by the rule.
+        rule: arguments of `segment`.
+        report: called with the current step, the amount done, and the total.
+
+    Raises:
+        ValueError: wrong recordings, measure, degree or segments.
+    """
+    listed = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    if not listed or not all(isinstance(each, Recording) for each in listed):
+        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    if len({each.model.dof for each in listed}) > 1:
+        raise ValueError("the models of all recordings must have the same number of joints")
+    if segments is not None and len(segments) != len(listed):
+        raise ValueError(f"segments must be given for each of {len(listed)} recordings")
+    if measure not in get_args(Measure):
+        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    if as_integer("degree", degree, _LEAST_DEGREE) > _MOST_DEGREE:
+        raise ValueError(f"degree must be {_LEAST_DEGREE} to {_MOST_DEGREE}, got {degree}")
+    terms: dict[int, SegmentTerms] = {}
+    parts = []
+    for number, recording in enumerate(listed):
+        report("preparing recordings", number, len(listed))
+        model = recording.model
+        if id(model) not in terms:
+            terms[id(model)] = SegmentTerms(symbolic(model), theta, model, measure, degree, weights)
+        initial = metric(model)
+        cuts = segment(initial, recording.motion, **rule) if segments is None else segments[number]
+        parts.append(observe(recording, initial, cuts, terms[id(model)]))
+    return tuple(parts)
 
 
 def observe(

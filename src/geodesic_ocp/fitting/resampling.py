@@ -15,6 +15,7 @@ from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.tables import markdown, new_table
@@ -39,18 +40,22 @@ def separate_fits(
         ValueError: by is neither "recording" nor "subject".
         NotConverged: Ipopt did not find a solution.
     """
-    report, units, found = progress or no_progress, _units(fit, by), {}
+    report, units, found = progress or no_progress, units_of(fit.recordings, by), {}
     for number, (unit, members) in enumerate(units.items()):
         report(f"fitting each {by}", number, len(units))
         found[unit] = refit(fit, members)
     return found
 
 
-def _units(fit: MetricFit, by: str) -> dict[str, list[int]]:
-    """Return indices of the recordings of each recording or subject, by its label."""
-    labels = [each.subject for each in fit.recordings]
+def units_of(recordings: Sequence[Recording], by: str) -> dict[str, list[int]]:
+    """Return indices of the recordings of each recording or subject, by its label.
+
+    Raises:
+        ValueError: by is neither "recording" nor "subject".
+    """
+    labels = [each.subject for each in recordings]
     if by == "recording":
-        names = [each.name or "recording" for each in fit.recordings]
+        names = [each.name or "recording" for each in recordings]
         labels = [
             f"{name} ({number + 1})" if names.count(name) > 1 else name
             for number, name in enumerate(names)
@@ -137,7 +142,7 @@ def leave_one_out(
         ValueError: fewer than two recordings or subjects.
         NotConverged: an estimation or a geodesic of a recording that was left out failed.
     """
-    report, units = progress or no_progress, _units(fit, by)
+    report, units = progress or no_progress, units_of(fit.recordings, by)
     if len(units) < 2:
         raise ValueError(f"leaving one {by} out needs at least two, got {len(units)}")
     results: list[tuple[int, LeftOut]] = []
@@ -191,14 +196,10 @@ def bootstrap_fit(
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
     count = as_integer("count", count, 1)
-    units = _units(fit, by)
+    units = units_of(fit.recordings, by)
     if len(units) < 2:
         raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
-    rng = np.random.default_rng(as_integer("seed", seed, 0))
-    drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
-    weights = np.zeros((count, len(fit.recordings)))
-    for column, members in enumerate(units.values()):
-        weights[:, members] = drawn[:, [column]]
+    weights = resampled([*units.values()], count, seed)
     if len(fit.estimates) == 1:
         estimates = _on_profile(curve or error_profile(fit, progress=progress), weights)
     else:
@@ -212,6 +213,20 @@ def bootstrap_fit(
         ConfidenceInterval(each.name, float(a), float(b), confidence, by, len(units))
         for each, a, b in zip(fit.estimates, low, high, strict=True)
     )
+
+
+def resampled(units: Sequence[Sequence[int]], count: int, seed: int) -> Array:
+    """Return how often each index is there where its units are drawn with replacement, (count, k).
+
+    Raises:
+        ValueError: the seed is negative.
+    """
+    rng = np.random.default_rng(as_integer("seed", seed, 0))
+    drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
+    weights = np.zeros((count, sum(map(len, units))))
+    for column, members in enumerate(units):
+        weights[:, members] = drawn[:, [column]]
+    return weights
 
 
 def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
