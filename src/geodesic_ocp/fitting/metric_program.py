@@ -33,6 +33,9 @@ from geodesic_ocp.ipopt import Ipopt, Outcome, Relay
 _REGULARIZATION = 1e-6
 _NEGLIGIBLE = 1e-3  # relative values much below this one are as zero to the logarithm
 _ACTIVE = 1e-6  # distance from a bound that is active
+_FULFILLED = 1e-6  # conditions, in their units
+_WORSE = 1e-6  # an error that is larger by so much, relative
+_STEPS, _STEP, _LEAST_STEP = 20, 2.0, 0.01  # of parameters from poor initial values, their factor
 _IPOPT = {"tol": 1e-7, "max_iter": 200, "acceptable_iter": 0}
 _WARM = {
     "warm_start_init_point": "yes",
@@ -212,18 +215,42 @@ class MetricProgram(ShortRepr):
         start = (self.guess if near is None else near.x).copy()
         for index, value in (fixed or {}).items():
             lower[index] = upper[index] = start[index] = value / self.start[index]
+        x0 = np.clip(start, lower, upper)
         given = {"p": weights, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
-        given["x0"] = np.clip(start, lower, upper)
+        # A start that fulfils the conditions bounds the least error from above.
+        error, conditions = (each.full() for each in self.program.functions["nlp"](x0, weights))
+        most = float(error[0, 0]) if np.abs(conditions).max() < _FULFILLED else np.inf
+
+        def tried(solver: Ipopt, **more: Any) -> Outcome:
+            found = solver(**{**given, "x0": x0, **more})
+            if found.success and found.objective > most + _WORSE * (abs(most) + 1.0):
+                return replace(found, success=False, status="Ipopt found only a larger error")
+            return found
+
         if near is not None:
-            outcome = self._warm_solver(**given, lam_x0=near.lam_x, lam_g0=near.lam_g)
+            outcome = tried(self._warm_solver, lam_x0=near.lam_x, lam_g0=near.lam_g)
             if outcome.success:
                 return outcome
-        outcome = self._cold_solver(**given)
-        if outcome.success or near is not None or fixed is not None:
+        outcome = tried(self._cold_solver)
+        if outcome.success or fixed is not None:
             return outcome
-        # From poor initial values: first the paths alone, then the parameters as well.
-        paths = self.solve(weights, fixed=dict(enumerate(self.start.tolist())), report=report)
-        return self.solve(weights, paths, report=report) if paths.success else outcome
+        # From poor initial values: first the paths alone, then the parameters in small steps.
+        known = dict(enumerate((start[: self.size] * self.start).tolist()))
+        paths = self.solve(weights, near, known, report)
+        for _ in range(_STEPS * paths.success):
+            x0, p = paths.x, slice(self.size)
+            narrow, wide = lower.copy(), upper.copy()
+            narrow[p] = np.maximum(lower[p], np.minimum(x0[p] / _STEP, x0[p] - _LEAST_STEP))
+            wide[p] = np.minimum(upper[p], np.maximum(x0[p] * _STEP, x0[p] + _LEAST_STEP))
+            more = {"lbx": narrow, "ubx": wide, "lam_x0": paths.lam_x, "lam_g0": paths.lam_g}
+            most, paths = paths.objective, tried(self._warm_solver, **more)
+            if not paths.success:
+                return paths
+            stopped = (narrow > lower) & (paths.x < narrow + _ACTIVE)
+            stopped |= (wide < upper) & (paths.x > wide - _ACTIVE)
+            if not stopped[p].any():
+                return paths
+        return outcome
 
     def start_of(self, chosen: Sequence[int], solution: Outcome) -> Outcome:
         """Return the part of a solution that belongs to some of the recordings, by index."""
