@@ -85,7 +85,7 @@ def optimal_recording(
     part = observe(rough, metric, segments, terms)
     equal = np.full(len(weights), 1.0 / len(weights))
     program = MetricProgram((part,), equal, 0.0 * equal, equal + 1.0, False)
-    outcome = program.solve(np.ones(1), fixed=dict(enumerate(weights.values())))
+    outcome = program.solve(fixed=dict(enumerate(weights.values())))
     assert outcome.success, outcome.status
     polynomials = terms.basis.polynomials
     found = outcome.x[len(weights) :].reshape(count, -1)[:, : model.dof * len(polynomials)]

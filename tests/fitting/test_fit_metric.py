@@ -191,10 +191,9 @@ def test_derivatives_of_the_least_errors(noisy_fit: go.fitting.MetricFit) -> Non
     """By solving again with the parameter fixed nearby."""
     program, outcome = noisy_fit.program, noisy_fit.outcome
     value, step = float(outcome.x[0]), 0.01
-    ones = np.ones(len(noisy_fit.recordings))
     errors = [
         program.mean_squares(
-            program.solve(ones, outcome, {0: (value + k * step) * program.start[0]}).x
+            program.solve(near=outcome, fixed={0: (value + k * step) * program.start[0]}).x
         )
         / 2.0
         for k in (-1, 0, 1)
@@ -219,7 +218,7 @@ def test_a_metric_that_is_not_linear_in_its_parameter() -> None:
     by_segment = program._curvatures(x, factors.reshape(4, -1))[:, 0, 0]
     for half, found in enumerate(by_segment.reshape(2, 2).sum(axis=1)):
         own = np.where(np.arange(factors.size) // (factors.size // 2) == half, factors, 0.0)
-        hessian = program.program.functions["hess_lag"](x, np.ones(2), 0.0, own)
+        hessian = program.program.functions["hess_lag"](x, np.ones(4), 0.0, own)
         assert found == pytest.approx(float(hessian[0, 0]), rel=1e-12)
         assert abs(found) > 1e-3
 

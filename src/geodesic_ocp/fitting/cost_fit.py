@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import TYPE_CHECKING, get_args
 
 import casadi as ca
@@ -12,6 +11,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.fitting.metric_fit import ConfidenceInterval
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
 from geodesic_ocp.fitting.recording_part import DEVIATION, Cost, Measure, observe_all
 from geodesic_ocp.fitting.resampling import resampled, units_of
@@ -30,7 +30,6 @@ _AT_BOUND = 1e-4  # a weight that is zero
 _UNCERTAIN = 0.25  # standard errors of a weight from which on the data do not determine it
 _INVOLVED = 0.25  # smallest component of a direction that is named
 _SINGULAR = 1e-7  # smallest eigenvalue relative to the largest
-_RESAMPLES, _TAIL = 1000, 2.5  # [%] on each side of the interval
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,27 +41,21 @@ class CostFit(ShortRepr):
         weights: their weights (k,), which add up to one.
         standard_errors: (k,), of segments as independent units; NaN of a weight that is zero, inf
             where the data do not determine it.
-        intervals: ends of the 95 % bootstrap intervals (k, 2).
         directions: orthonormal directions of weights that are not zero (d, k), the best determined
             first, whose entries add up to zero.
         direction_errors: standard errors along them (d,), inf where the error is flat.
-        unit: unit that was resampled, "segment", "recording" or "subject".
         program: the nonlinear program.
         outcome: its solution.
-        derivatives: derivatives of the segments' least errors at the solution.
     """
 
     costs: tuple[Cost, ...]
     weights: Array
     standard_errors: Array
-    intervals: Array
     directions: Array
     direction_errors: Array
-    unit: str
     program: MetricProgram
     outcome: Outcome
-    derivatives: LeastErrors
-    _shown = ("costs", "weights", "standard_errors", "unit")
+    _shown = ("costs", "weights", "standard_errors")
 
     @property
     def errors(self) -> Array:
@@ -97,12 +90,14 @@ class CostFit(ShortRepr):
     def _repr_markdown_(self) -> str:
         return markdown(self.table()) + "".join(f"\n- {each}" for each in self.undetermined)
 
-    def table(self) -> DataFrame:
-        """Return weights, standard errors, and intervals."""
-        header = ("cost", "weight", "standard error", "95 % from", "to")
-        numbers = self.weights, self.standard_errors, *self.intervals.T
-        columns = [each.tolist() for each in numbers]
-        return new_table(header, zip(self.costs, *columns, strict=True))
+    def table(self, intervals: Sequence[ConfidenceInterval] = ()) -> DataFrame:
+        """Return weights, standard errors, and bootstrap intervals if given (`bootstrap_cost`)."""
+        header: tuple[str, ...] = ("cost", "weight", "standard error")
+        columns = [self.costs, self.weights.tolist(), self.standard_errors.tolist()]
+        if intervals:
+            header += (f"{100 * intervals[0].confidence:g} % from", "to")
+            columns += [[each.low for each in intervals], [each.high for each in intervals]]
+        return new_table(header, zip(*columns, strict=True))
 
     def directions_table(self) -> DataFrame:
         """Return combinations of weights with their standard errors, the best determined first."""
@@ -122,9 +117,8 @@ def fit_cost(
     threshold: float = 0.6,
     min_duration: float = 0.1,
     hysteresis: float = 0.1,
-    by: str = "segment",
+    free_ends: bool = False,
     degree: int = 8,
-    seed: int = 0,
     progress: Progress | None = None,
 ) -> CostFit:
     """Estimate the weights of a running cost from recordings, by inverse optimal control.
@@ -142,24 +136,22 @@ def fit_cost(
 
     Standard errors are those of estimates from independent segments,
     H^-1 (sum_s g_s g_s') H^-1 with the gradients g_s and the sum H of the Hessians of the
-    segments' least errors (Huber, "The behavior of maximum likelihood estimates under nonstandard
-    conditions", Fifth Berkeley Symposium, 1967). Intervals are percentiles over 1000 resamples of
-    the segments, recordings or subjects, each estimated from the same derivatives, with weights
-    that are not negative.
+    segments' least errors (White, "Maximum likelihood estimation of misspecified models",
+    Econometrica 50, 1982). Where errors are far larger than noise, intervals of `bootstrap_cost`
+    say more.
 
     Args:
         recordings: recordings of one or more persons.
-        costs: at least two of "energy", "acceleration", "torque change" and "jerk", not energy
-            alone with what leaves velocities at the ends without meaning.
+        costs: two or more of "energy", "acceleration", "torque change" and "jerk".
         metric: gives the metric of a model, such as a class; None: the kinetic energy with joint
             inertia of `analyse`.
         measure: "joint", configurations [rad], or "position", the hand's positions [m].
         segments: segments of each recording, (start, stop) sample indices; None: those of
             `segment`. Segments that hardly move are left out.
         threshold, min_duration, hysteresis: of `segment` [rad], [s], [rad].
-        by: unit that is resampled, "segment", "recording" or "subject".
+        free_ends: whether configurations and velocities at the ends are estimated, for unfiltered
+            data; by default they are as observed.
         degree: degree of the polynomials that represent the motions.
-        seed: seed of the random numbers.
         progress: called with the current step, the amount done, and the total.
 
     Raises:
@@ -171,6 +163,8 @@ def fit_cost(
         raise ValueError(f"costs must be two or more of {', '.join(known)}, got {costs!r}")
     if metric is not None and not callable(metric):
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
+    if free_ends and measure != "joint":
+        raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
     family = metric or (lambda model: as_analysis_metric(None, model))
     report, k = progress or no_progress, len(chosen)
     theta = ca.SX.sym("theta", k)
@@ -182,9 +176,9 @@ def fit_cost(
         report,
     )
     equal = np.full(k, 1.0 / k)
-    program = MetricProgram(parts, equal, np.zeros(k), np.ones(k), False, are_shares=True)
+    program = MetricProgram(parts, equal, np.zeros(k), np.ones(k), free_ends, True)
     outcome = program.solve(
-        np.ones(len(parts)), report=lambda n: report("fitting the cost: iterations", n, 0)
+        report=lambda n: report("fitting the cost: iterations", n, 0)
     )
     if not outcome.success:
         raise NotConverged(f"the cost was not fitted: {outcome.status}", outcome)
@@ -193,52 +187,58 @@ def fit_cost(
         relative.values, relative.gradients * k, relative.hessians * k**2
     )  # by the weights themselves
     weights = outcome.x[:k] / k
-    counts = resampled(_units(program, by), _RESAMPLES, seed)
-    slopes = counts @ found.gradients
-    estimates = _on_simplex(weights, slopes, np.einsum("bs,sij->bij", counts, found.hessians))
-    intervals = np.percentile(estimates, [_TAIL, 100.0 - _TAIL], axis=0).T
-    deviations, *certainty = _certainty(weights, found)
-    return CostFit(
-        *(chosen, weights, deviations, intervals, *certainty, by, program, outcome, found)
+    return CostFit(chosen, weights, *_certainty(weights, found), program, outcome)
+
+
+@shows_progress
+def bootstrap_cost(
+    fit: CostFit,
+    count: int = 200,
+    *,
+    by: str = "segment",
+    confidence: float = 0.95,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[ConfidenceInterval, ...]:
+    """Return percentile intervals of the weights from resampled segments, recordings or subjects.
+
+    Every resample is fitted exactly, from the estimate.
+
+    Args:
+        fit: fit whose segments are used.
+        count: number of resamples.
+        by: unit that is drawn with replacement, "segment", "recording" or "subject".
+        confidence: confidence of the intervals.
+        seed: seed of the random numbers.
+        progress: called with the current step, the amount done, and the total.
+
+    Raises:
+        ValueError: fewer than two units, or a number out of range.
+        NotConverged: Ipopt did not find the solution of a resample.
+    """
+    units, report = _units(fit.program, by), progress or no_progress
+    drawn, tails = resampled(units, by, count, confidence, seed)
+    estimates = []
+    for number, weights in enumerate(drawn):
+        report("resampling", number, count)
+        outcome = fit.program.solve(weights, fit.outcome)
+        if not outcome.success:
+            raise NotConverged(f"resample {number}: {outcome.status}", outcome)
+        estimates.append(outcome.x[: fit.weights.size] * fit.program.start)
+    low, high = np.percentile(estimates, tails, axis=0)
+    return tuple(
+        ConfidenceInterval(name, a, b, confidence, by, len(units))
+        for name, a, b in zip(fit.costs, low.tolist(), high.tolist(), strict=True)
     )
 
 
 def _units(program: MetricProgram, by: str) -> list[list[int]]:
     """Return indices of the segments of each segment, recording or subject."""
-    owners = np.repeat(np.arange(len(program.parts)), program.counts)
+    owners = program.owners
     if by == "segment":
         return [[k] for k in range(owners.size)]
     units = units_of([part.recording for part in program.parts], by).values()
     return [np.flatnonzero(np.isin(owners, members)).tolist() for members in units]
-
-
-def _on_simplex(weights: Array, gradients: Array, hessians: Array) -> Array:
-    """Return minimizers (b, k) of quadratic models of errors around weights (k,).
-
-    Among weights that are not negative and add up to one: on each face the stationary point, and
-    of those that belong to the face the one of least error.
-
-    Args:
-        weights: (k,).
-        gradients, hessians: there, (b, k) and (b, k, k).
-    """
-    count, k = gradients.shape
-    best, result = np.full(count, np.inf), np.tile(weights, (count, 1))
-    for size in range(1, k + 1):
-        for face in map(list, combinations(range(k), size)):
-            start = np.zeros(k)  # the face's point nearest to the weights
-            start[face] = weights[face] + (1.0 - weights[face].sum()) / size
-            basis = np.eye(k)[:, face] @ _tangents(size).T
-            slope = gradients + np.einsum("bij,j->bi", hessians, start - weights)
-            bent = np.einsum("ip,bij,jq->bpq", basis, hessians, basis)
-            step = -np.einsum("bpq,bq->bp", np.linalg.pinv(bent, _SINGULAR), slope @ basis)
-            found = start + step @ basis.T
-            change = found - weights
-            value = np.sum(gradients * change, axis=1)
-            value += np.einsum("bi,bij,bj->b", change, hessians, change) / 2.0
-            better = (found.min(axis=1) > -1e-9) & (value < best)
-            best[better], result[better] = value[better], found[better]
-    return np.maximum(result, 0.0)
 
 
 def _tangents(size: int) -> Array:

@@ -130,7 +130,7 @@ def solve_program(
     Raises:
         NotConverged: Ipopt did not find a solution.
     """
-    outcome = program.solve(np.ones(len(program.parts)), near, report=report)
+    outcome = program.solve(near=near, report=report)
     if not outcome.success:
         raise NotConverged(f"the metric was not fitted: {outcome.status}", outcome)
     derivatives = program.least_errors(outcome)

@@ -71,7 +71,7 @@ class LeastErrors(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MetricProgram(ShortRepr):
-    """The nonlinear program of a fit, for any weights of the recordings.
+    """The nonlinear program of a fit, for any weights of the segments.
 
     Attributes:
         parts: the recordings.
@@ -105,7 +105,7 @@ class MetricProgram(ShortRepr):
         return [part.count for part in self.parts]
 
     @cached_property
-    def _owners(self) -> Indices:
+    def owners(self) -> Indices:
         """Index of the recording of every segment."""
         return np.repeat(np.arange(len(self.parts)), self.counts)
 
@@ -116,10 +116,11 @@ class MetricProgram(ShortRepr):
 
     @cached_property
     def program(self) -> BlockProgram:
-        """All blocks; the weights of the recordings are its parameters."""
-        p, weights = self.size, ca.MX.sym("weights", len(self.parts))
+        """All blocks; the weights of the segments are its parameters."""
+        p, weights = self.size, ca.MX.sym("weights", sum(self.counts))
         near = Block(_change(), np.arange(p)[:, None], weights=np.full(p, _REGULARIZATION))
-        own = zip(self.parts, self._first, ca.vertsplit(weights), strict=True)
+        edges = np.cumsum([0, *self.counts]).tolist()
+        own = zip(self.parts, self._first, ca.vertsplit(weights, edges), strict=True)
         errors = [part.errors(first, weight) for part, first, weight in own]
         pairs = zip(self.parts, self._first, strict=True)
         equations = [part.equations(first, self.start) for part, first in pairs]
@@ -134,13 +135,13 @@ class MetricProgram(ShortRepr):
         """Half the squared error of each segment, whose sum is the mean over the recording."""
         z = ca.MX.sym("z", self.program.size)
         pairs = zip(self.parts, self._first, strict=True)
-        errors = [part.errors(first, 1.0).objectives(z) for part, first in pairs]
+        errors = [part.errors(first).objectives(z) for part, first in pairs]
         return ca.Function("errors", [z], [ca.vertcat(*errors)])
 
     def _of_recordings(self, values: Array) -> Array:
         """Return the sums over the segments of each recording of values (segments, ...)."""
         result = np.zeros((len(self.parts), *values.shape[1:]))
-        np.add.at(result, self._owners, values)
+        np.add.at(result, self.owners, values)
         return result
 
     def mean_squares(self, z: Array) -> Array:
@@ -158,7 +159,7 @@ class MetricProgram(ShortRepr):
             for each in self._listeners:
                 each(number)
 
-        program, size_p = self.program, len(self.parts)
+        program, size_p = self.program, sum(self.counts)
         return program.solver(options, Relay(program.size, program.size_g, size_p, tell))
 
     @cached_property
@@ -197,26 +198,30 @@ class MetricProgram(ShortRepr):
 
     def solve(
         self,
-        weights: Array,
+        weights: Array | None = None,
         near: Outcome | None = None,
         fixed: dict[int, float] | None = None,
         report: Callable[[int], object] | None = None,
     ) -> Outcome:
-        """Return the solution for weights of the recordings.
+        """Return the solution for weights of the segments.
 
         Args:
-            weights: (recordings,).
+            weights: (segments,); None: one.
             near: a solution for other weights, values or recordings from which to start.
             fixed: values of parameters that are not estimated, by index.
             report: called with the number of every iteration.
         """
+        weights = np.ones(sum(self.counts)) if weights is None else weights
         self._listeners[:] = [] if report is None else [report]
         lower, upper = (bound.copy() for bound in self.bounds)
         start = (self.guess if near is None else near.x).copy()
         for index, value in (fixed or {}).items():
             lower[index] = upper[index] = start[index] = value / self.start[index]
         x0 = np.clip(start, lower, upper)
-        given = {"p": weights, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
+        slack = np.zeros(self.program.size_g)
+        if len(fixed or {}) == self.size:  # there is nothing left for shares to add up to
+            slack[self._equations :] = np.inf
+        given = {"p": weights, "lbx": lower, "ubx": upper, "lbg": -slack, "ubg": slack}
         # A start that fulfils the conditions bounds the least error from above.
         error, conditions = (each.full() for each in self.program.functions["nlp"](x0, weights))
         most = float(error[0, 0]) if np.abs(conditions).max() < _FULFILLED else np.inf
@@ -254,7 +259,7 @@ class MetricProgram(ShortRepr):
 
     def start_of(self, chosen: Sequence[int], solution: Outcome) -> Outcome:
         """Return the part of a solution that belongs to some of the recordings, by index."""
-        segments = np.concatenate([np.flatnonzero(self._owners == index) for index in chosen])
+        segments = np.concatenate([np.flatnonzero(self.owners == index) for index in chosen])
 
         def of_variables(values: Array) -> Array:
             rest = values[self.size :].reshape(-1, self.num_x)[segments]
@@ -274,11 +279,11 @@ class MetricProgram(ShortRepr):
         return solution.lam_g[: self._equations].reshape(sum(self.counts), -1)
 
     def least_errors(self, solution: Outcome, by_segment: bool = False) -> LeastErrors:
-        """Return derivatives by the parameters at the solution for equal weights of all recordings.
+        """Return derivatives by the parameters at the solution for equal weights.
 
         By the implicit function theorem, segment by segment.
         """
-        z, ones = solution.x, np.ones(len(self.parts))
+        z, ones = solution.x, np.ones(sum(self.counts))
         p, m, functions = self.size, self.parts[0].terms.num_equations, self.program.functions
         factors = self._multipliers(solution)
         jacobian = functions["jac_g"](z, ones)[1].sparse().tocsr()
@@ -313,7 +318,7 @@ class MetricProgram(ShortRepr):
         p, found = self.size, []
         for k, part in enumerate(self.parts):
             block = part.equations(self._first[k], self.start)
-            own = block.of_instances(ca.DM(factors[self._owners == k].ravel()))
+            own = block.of_instances(ca.DM(factors[self.owners == k].ravel()))
             inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), own]
             entries = block.terms.mapped("hessian", block.count, inputs)[0].full()
             rows, columns = block.terms.hessian_entries

@@ -282,20 +282,22 @@ class RecordingPart(ShortRepr):
         """Number of segments that are fitted."""
         return len(self.segments)
 
-    def errors(self, first: int, weight: ca.MX | float) -> Block:
-        """Return half the mean squared error of the samples, relative, with a weight.
+    def errors(self, first: int, weights: ca.MX | None = None) -> Block:
+        """Return half the mean squared error of the samples, relative.
 
         Args:
             first: index of the first of the variables.
-            weight: a number, or an expression in the program's parameters.
+            weights: of the segments, expressions in the program's parameters (count, 1).
         """
         terms, data = self.terms, self.samples
         if terms.measure == "position":
             data = terms.model.hand_pose(data)[1]
         places = first + terms.num_x * np.arange(self.count)[:, None] + np.arange(terms.sample.size)
         share = ca.DM.ones(len(data), 1) / (len(data) * DEVIATION**2)
+        if weights is not None:
+            share = share * weights[self.owners.tolist()]
         values = np.column_stack([self.fractions, data])
-        return Block(terms.sample, places, values, weights=share * weight, groups=self.owners)
+        return Block(terms.sample, places, values, weights=share, groups=self.owners)
 
     def equations(self, first: int, units: Array) -> Block:
         """Get the conditions of stationarity, which also depend on the parameters, in their units

@@ -193,21 +193,15 @@ def bootstrap_fit(
     Raises:
         ValueError: fewer than two units, or a number out of range.
     """
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
-    count = as_integer("count", count, 1)
     units = units_of(fit.recordings, by)
-    if len(units) < 2:
-        raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
-    weights = resampled([*units.values()], count, seed)
+    weights, tails = resampled([*units.values()], by, count, confidence, seed)
     if len(fit.estimates) == 1:
         estimates = _on_profile(curve or error_profile(fit, progress=progress), weights)
     else:
         estimates = _newton_steps(fit, weights)
     # Nothing is known of parameters that the data do not determine.
     unknown = np.isinf([each.standard_error for each in fit.estimates])
-    tail = 50.0 * (1.0 - confidence)
-    low, high = np.percentile(estimates, [tail, 100.0 - tail], axis=0, method="nearest")
+    low, high = np.percentile(estimates, tails, axis=0, method="nearest")
     low, high = np.where(unknown, 0.0, low), np.where(unknown, np.inf, high)
     return tuple(
         ConfidenceInterval(each.name, float(a), float(b), confidence, by, len(units))
@@ -215,18 +209,27 @@ def bootstrap_fit(
     )
 
 
-def resampled(units: Sequence[Sequence[int]], count: int, seed: int) -> Array:
-    """Return how often each index is there where its units are drawn with replacement, (count, k).
+def resampled(
+    units: Sequence[Sequence[int]], by: str, count: int, confidence: float, seed: int
+) -> tuple[Array, tuple[float, float]]:
+    """Return how often each index is there where its units are drawn with replacement, (count, k),
+    and the percentiles of the interval.
 
     Raises:
-        ValueError: the seed is negative.
+        ValueError: fewer than two units, or a number out of range.
     """
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
+    count = as_integer("count", count, 1)
+    if len(units) < 2:
+        raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
     weights = np.zeros((count, sum(map(len, units))))
     for column, members in enumerate(units):
         weights[:, members] = drawn[:, [column]]
-    return weights
+    tail = 50.0 * (1.0 - confidence)
+    return weights, (tail, 100.0 - tail)
 
 
 def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
