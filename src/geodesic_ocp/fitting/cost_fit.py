@@ -39,8 +39,8 @@ class CostFit(ShortRepr):
     Attributes:
         costs: names of the costs.
         weights: their weights (k,), which add up to one.
-        standard_errors: (k,), of segments as independent units; NaN of a weight that is zero, inf
-            where the data do not determine it.
+        standard_errors: (k,), of segments as independent units; NaN of a weight that is zero and of
+            a single segment, inf where the data do not determine it.
         directions: orthonormal directions of weights that are not zero (d, k), the best determined
             first, whose entries add up to zero.
         direction_errors: standard errors along them (d,), inf where the error is flat.
@@ -118,7 +118,7 @@ def fit_cost(
     min_duration: float = 0.1,
     hysteresis: float = 0.1,
     free_ends: bool = False,
-    degree: int = 8,
+    degree: int = 10,
     progress: Progress | None = None,
 ) -> CostFit:
     """Estimate the weights of a running cost from recordings, by inverse optimal control.
@@ -134,11 +134,9 @@ def fit_cost(
     minimize the squared error between predictions and samples, in the program of `fit_metric`,
     whose constraints are the conditions of optimality of all segments.
 
-    Standard errors are those of estimates from independent segments,
-    H^-1 (sum_s g_s g_s') H^-1 with the gradients g_s and the sum H of the Hessians of the
-    segments' least errors (White, "Maximum likelihood estimation of misspecified models",
-    Econometrica 50, 1982). Where errors are far larger than noise, intervals of `bootstrap_cost`
-    say more.
+    Standard errors are those of the jackknife over segments, by one Newton step each (Efron and
+    Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 11). Where errors are far larger
+    than noise, or weights are zero, the intervals of `bootstrap_cost` say more.
 
     Args:
         recordings: recordings of one or more persons.
@@ -250,21 +248,20 @@ def _certainty(weights: Array, errors: LeastErrors) -> tuple[Array, Array, Array
     """Return standard errors (k,), directions (d, k), and standard errors along them (d,)."""
     free = np.flatnonzero((weights > _AT_BOUND) & (weights < 1.0 - _AT_BOUND))
     deviations = np.full(weights.size, np.nan)
-    if free.size < 2:
+    if free.size < 2 or len(errors.values) < 2:
         return deviations, np.zeros((0, weights.size)), np.zeros(0)
     basis = _tangents(free.size)
     own = errors.of_parameters(free)
     gradients, hessian = own.gradients @ basis.T, basis @ own.hessians.sum(axis=0) @ basis.T
     values, axes = np.linalg.eigh(hessian)
     regular = values > _SINGULAR * max(np.abs(values).max(), 1e-300)
-    inverse = (axes[:, regular] / values[regular]) @ axes[:, regular].T
-    scattered = gradients @ inverse
-    covariance = scattered.T @ scattered
-    flat = axes[:, ~regular]
+    rest, flat = axes[:, regular], axes[:, ~regular]
+    without = np.diag(values[regular]) - rest.T @ (basis @ own.hessians @ basis.T) @ rest
+    moved = np.linalg.solve(without, (gradients @ rest)[..., None])[..., 0] @ rest.T
+    covariance = (1.0 - 1.0 / len(moved)) * moved.T @ moved
     directions = np.zeros((free.size - 1, weights.size))
     sizes, vectors = np.linalg.eigh(covariance)
     if flat.size:  # nothing is known along these
-        rest = axes[:, regular]
         sizes, vectors = np.linalg.eigh(rest.T @ covariance @ rest)
         vectors = np.hstack([rest @ vectors, flat])
         sizes = np.append(sizes, np.full(flat.shape[1], np.inf))

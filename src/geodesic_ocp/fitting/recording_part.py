@@ -295,7 +295,7 @@ class RecordingPart(ShortRepr):
         places = first + terms.num_x * np.arange(self.count)[:, None] + np.arange(terms.sample.size)
         share = ca.DM.ones(len(data), 1) / (len(data) * DEVIATION**2)
         if weights is not None:
-            share = share * weights[self.owners.tolist()]
+            share = share * weights[self.owners.tolist(), 0]
         values = np.column_stack([self.fractions, data])
         return Block(terms.sample, places, values, weights=share, groups=self.owners)
 
