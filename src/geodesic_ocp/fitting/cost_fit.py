@@ -175,9 +175,7 @@ def fit_cost(
     )
     equal = np.full(k, 1.0 / k)
     program = MetricProgram(parts, equal, np.zeros(k), np.ones(k), free_ends, True)
-    outcome = program.solve(
-        report=lambda n: report("fitting the cost: iterations", n, 0)
-    )
+    outcome = program.solve(report=lambda n: report("fitting the cost: iterations", n, 0))
     if not outcome.success:
         raise NotConverged(f"the cost was not fitted: {outcome.status}", outcome)
     relative = program.least_errors(outcome, by_segment=True)

@@ -1,4 +1,4 @@
-"""fit_metric: the metric whose geodesics are nearest to recorded motions."""
+"""fit_metric: the metric whose geodesics or cubics are nearest to recorded motions."""
 
 from __future__ import annotations
 
@@ -49,12 +49,13 @@ def fit_metric(
 ) -> MetricFit:
     """Estimate parameters of a metric from recordings, by inverse optimal control.
 
-    One nonlinear program in the parameters and the paths of all segments: it minimizes the squared
-    error between paths and samples, the mean over the recordings of the mean over the samples,
-    subject to each path being a geodesic of the metric with these parameters. Ipopt solves it with
-    exact first and second derivatives. The progress along each path is a cubic in time whose end
-    rates are estimated too, so that the parameters are determined by the shape of the paths and not
-    by differentiated data. The cuts between segments stay fixed.
+    One nonlinear program in the parameters and the predictions of all segments: it minimizes the
+    squared error between predictions and samples, the mean over the recordings of the mean over the
+    samples, subject to each prediction being a geodesic or Riemannian cubic of the metric with
+    these parameters. Ipopt solves it with exact first and second derivatives. The progress along a
+    geodesic is a cubic in time whose end rates are estimated too, so that the parameters are
+    determined by the shape of the paths and not by differentiated data. Cubics have the observed
+    velocities at the cuts. The cuts between segments stay fixed.
 
     >>> import numpy as np
     >>> import geodesic_ocp as go
@@ -79,9 +80,11 @@ def fit_metric(
             with the initial values. Segments that hardly move are left out.
         threshold, min_duration, hysteresis: threshold, min duration and hysteresis of `segment`
             [rad], [s], [rad].
-        free_ends: whether the ends of the paths are estimated; by default they are as observed, as
-            in `reconstruct`. Estimated ends are for noisy, unfiltered data.
-        degree: degree of the polynomials that represent the paths.
+        free_ends: whether the ends of the predictions are estimated; by default they are as
+            observed, as in `reconstruct`. Estimated ends are for noisy, unfiltered data.
+        curve: what predicts a segment: "geodesic", or "cubic", the motion of least covariant
+            acceleration between the observed configurations and velocities (`go.cubic`).
+        degree: degree of the polynomials that represent the predictions, 5 to 14.
         progress: called with the current step, the amount done, and the total.
 
     Returns:
@@ -89,7 +92,7 @@ def fit_metric(
         it further, `save_metric` writes it to a file.
 
     Raises:
-        ValueError: wrong parameters or segments, or models of different numbers of joints.
+        ValueError: wrong parameters, curve or segments, or models of different numbers of joints.
         NotConverged: Ipopt did not find a solution.
     """
     chosen, report = as_parameters(parameters), progress or no_progress

@@ -126,7 +126,9 @@ class MetricProgram(ShortRepr):
         equations = [part.equations(first, self.start) for part, first in pairs]
         size = p + self.num_x * sum(self.counts)
         total, zero, one = _excess_of_shares(p), np.zeros((1, 1)), np.ones((1, p))
-        shares = Block(total, np.arange(p)[None, :], None, zero, zero, None, (0.0 * one, one * self.start))
+        shares = Block(
+            total, np.arange(p)[None, :], None, zero, zero, None, (0.0 * one, one * self.start)
+        )
         blocks = [near, *errors, *equations, *[shares][: self.are_shares]]
         return BlockProgram(size, blocks, weights)
 

@@ -180,9 +180,7 @@ class SegmentTerms(ShortRepr):
             torque -= ca.gradient(energy, q)
         if "acceleration" in factors:
             (w,) = symbols["w"]
-            total += factors["acceleration"] * (
-                ca.dot(w, torque) - ca.substitute(energy, v, w)
-            )
+            total += factors["acceleration"] * (ca.dot(w, torque) - ca.substitute(energy, v, w))
             own.append(torque - ca.substitute(momentum, v, w))
         if "torque change" in factors:
             p, slope = symbols["p"]
@@ -241,7 +239,9 @@ class SegmentTerms(ShortRepr):
             result[first:last] = np.linalg.lstsq(self.table[:, row, first:last], w)[0]
             first = last
         if "p" in self.functions:
-            slopes = [Legendre.fit(s, each, self.degree - 2, [0, 1]).deriv()(s) for each in torque.T]
+            slopes = [
+                Legendre.fit(s, each, self.degree - 2, [0, 1]).deriv()(s) for each in torque.T
+            ]
             result[first:] = np.linalg.lstsq(self.table[:, -2, first:], np.transpose(slopes))[0]
         return result
 
@@ -418,7 +418,13 @@ def observe(
         coefficients.append(terms.coefficients(metric, path, ends[terms.given]))
         scales.append(np.diag(tensor) * max(np.abs(np.diff(path, axis=0)).sum(axis=0).max(), 1e-3))
         square = (duration / TIME) ** 2
-        of_costs = dict(zip(get_args(Cost), (square, 1.0, 1.0 / (inertia * square), inertia / square), strict=True))
+        of_costs = dict(
+            zip(
+                get_args(Cost),
+                (square, 1.0, 1.0 / (inertia * square), inertia / square),
+                strict=True,
+            )
+        )
         units.append([1.0 if len(terms.weights) == 1 else of_costs[name] for name in terms.weights])
     rows = [np.arange(start, stop + 1) for start, stop in kept]
     times = [motion.time[each] for each in rows]

@@ -13,12 +13,15 @@ from geodesic_ocp.arrays import Array, ShortRepr, as_integer
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
+from geodesic_ocp.synergies.second_order import riemannian_cubics
 from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.tables import markdown, new_table
+from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -87,8 +90,9 @@ class LeftOut:
         name: name of the recording.
         subject: its subject.
         values: estimates from the recordings that were not left out.
-        errors: errors of the geodesics with these parameters (`reconstruct`).
-        straight_lines: errors of straight lines on the same segments.
+        errors: errors of the geodesics (`reconstruct`) or cubics with these parameters.
+        straight_lines: errors of straight lines on the same segments; with cubics, of those of a
+            constant metric, minimum acceleration.
     """
 
     name: str
@@ -116,9 +120,14 @@ class CrossValidation(ShortRepr):
         return markdown(self.table())
 
     def table(self) -> DataFrame:
-        """Return estimates without the recording, its errors, and those of straight lines."""
+        """Return estimates without the recording, its errors, and those of a constant metric."""
         kinds = ("joints [rad]", "hand [m]", "hand [rad]")
-        header = ("left out", *self.parameters, *kinds, *(f"lines: {kind}" for kind in kinds))
+        header = (
+            "left out",
+            *self.parameters,
+            *kinds,
+            *(f"constant metric: {kind}" for kind in kinds),
+        )
         rows: list[tuple[str | int | float, ...]] = []
         for each in self.left_out:
             own, lines = (
@@ -135,8 +144,8 @@ def leave_one_out(
 ) -> CrossValidation:
     """Estimate anew without each recording, or subject, and predict it.
 
-    Errors are those of `reconstruct` and `evaluate` on all segments of the recording, the same for
-    the geodesics and the straight lines.
+    Errors are those of `evaluate` on all segments of the recording, of the predictions of the fit
+    and of those in a constant metric: straight lines, or minimum acceleration.
 
     Raises:
         ValueError: fewer than two recordings or subjects.
@@ -154,12 +163,20 @@ def leave_one_out(
             recording, model = part.recording, part.recording.model
             motion, values = recording.motion, tuple(others.values.values())
             errors = [
-                motion_errors(model, motion, reconstruct(each, motion, part.every).predicted)
+                motion_errors(model, motion, _predicted(fit, each, motion, part.every))
                 for each in (others.metric(model), Euclidean(model.dof))
             ]
             results.append((index, LeftOut(recording.name, recording.subject, values, *errors)))
     left_out = tuple(each for _, each in sorted(results, key=lambda pair: pair[0]))
     return CrossValidation(by, tuple(each.name for each in fit.estimates), left_out)
+
+
+def _predicted(
+    fit: MetricFit, metric: Metric, motion: Motion, segments: Sequence[tuple[int, int]]
+) -> Motion:
+    if fit.curve == "geodesic":
+        return reconstruct(metric, motion, segments).predicted
+    return riemannian_cubics(metric, motion, segments)
 
 
 @shows_progress
