@@ -107,30 +107,23 @@ def test_in_a_constant_metric_torque_change_is_jerk(planar: go.Model) -> None:
 
 @pytest.mark.slow
 def test_intervals_contain_the_planted_weights(planar: go.Model) -> None:
-    """With noise of 3 mrad, and ends that are estimated; twelve seeds, 36 intervals."""
+    """With noise of 3 mrad and ends that are estimated; about 95 % of many seeds."""
     planted = {"energy": 0.4, "acceleration": 0.5, "jerk": 0.1}
-    inside, far = [], []
-    for seed in range(12):
+    values, metric = np.array([*planted.values()]), go.KineticEnergy
+    near, inside = [], []
+    for seed in range(8):
         rng = np.random.default_rng(seed)
-        recording, segments = optimal_recording(
-            go.KineticEnergy(planar), planar, rng, planted, noise=0.003
-        )
+        recording, segments = optimal_recording(metric(planar), planar, rng, planted, noise=0.003)
         fit = go.fitting.fit_cost(
-            *(recording, [*planted]),
-            metric=go.KineticEnergy,
-            segments=[segments],
-            free_ends=True,
+            *(recording, [*planted]), metric=metric, segments=[segments], free_ends=True
         )
-        values = np.array([*planted.values()])
-        far.append(np.abs(fit.weights - values) / fit.standard_errors)
-        if seed < 4:
+        near.append(np.abs(fit.weights - values) < 2.0 * fit.standard_errors)
+        if seed < 2:
             intervals = go.fitting.bootstrap_cost(fit, 40)
-            inside += [
-                each.low <= value <= each.high
-                for each, value in zip(intervals, values, strict=True)
-            ]
-    assert np.mean(np.array(far) < 2.0) > 0.8
-    assert np.mean(inside) > 0.6
+            assert [each.unit for each in intervals] == ["segment"] * 3
+            inside += [x.low <= y <= x.high for x, y in zip(intervals, values, strict=True)]
+    assert np.mean(near) > 0.8
+    assert sum(inside) >= 4
 
 
 def test_wrong_arguments(planar: go.Model) -> None:

@@ -98,9 +98,10 @@ class MetricFit:
 
     def __repr__(self) -> str:
         count, error = len(self.recordings), float(np.sqrt(np.mean(self.errors**2)))
+        number = f"{count} recording{'s'[: count - 1]}"
         lines = [
             f"MetricFit({', '.join(map(repr, self.estimates))}",
-            f"{self.curve}s, {count} recording{'s'[: count - 1]}, rms error {error:.4g} {self.error_unit})",
+            f"{self.curve}s, {number}, rms error {error:.4g} {self.error_unit})",
         ]
         lines += [f"not determined: {len(self.undetermined)}"] if self.undetermined else []
         return "\n  ".join(lines)

@@ -328,7 +328,7 @@ class MetricProgram(ShortRepr):
             hessians = np.zeros((part.count, p, p))
             sums = entries[corner].reshape(-1, part.count, block.count // part.count).sum(axis=2)
             at = rows[corner] - block.terms.size, columns[corner] - block.terms.size
-            hessians[:, *at] = sums.T * (self.start[at[0]] * self.start[at[1]])
+            hessians[(slice(None), *at)] = sums.T * (self.start[at[0]] * self.start[at[1]])
             found.append(hessians)
         upper = np.concatenate(found)
         return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))

@@ -136,7 +136,7 @@ class SegmentTerms(ShortRepr):
 
     @cached_property
     def table(self) -> Array:
-        """Derivatives of the functions at the points from their coefficients, (points, r, nodes)."""
+        """Derivatives of the functions at the points by coefficients, (points, r, nodes)."""
         s, rows, first = self.basis.rule[0], [], 0
         for polynomials, order in self.functions.values():
             values = np.zeros((order + 1, s.size, self.num_nodes))
@@ -231,11 +231,10 @@ class SegmentTerms(ShortRepr):
         q, v, a = self.table[:, :3].swapaxes(0, 1) @ result
         w = np.array([c - metric.acceleration(x, u) for x, u, c in zip(q, v, a, strict=True)])
         torque = np.array([metric.matrix(x) @ u for x, u in zip(q, w, strict=True)])
-        smooth = Polynomial(np.zeros(1))
         s, first = self.basis.rule[0], count
         if "w" in self.functions:
             last = first + len(self.functions["w"][0])
-            row = sum(self.functions["q"][1:]) + 1
+            row = self.functions["q"][1] + 1  # after q and its derivatives
             result[first:last] = np.linalg.lstsq(self.table[:, row, first:last], w)[0]
             first = last
         if "p" in self.functions:
@@ -293,7 +292,7 @@ class RecordingPart(ShortRepr):
         if terms.measure == "position":
             data = terms.model.hand_pose(data)[1]
         places = first + terms.num_x * np.arange(self.count)[:, None] + np.arange(terms.sample.size)
-        share = ca.DM.ones(len(data), 1) / (len(data) * DEVIATION**2)
+        share: ca.MX | ca.DM = ca.DM.ones(len(data), 1) / (len(data) * DEVIATION**2)
         if weights is not None:
             share = share * weights[self.owners.tolist(), 0]
         values = np.column_stack([self.fractions, data])
@@ -452,7 +451,8 @@ def _guess(metric: Metric, terms: SegmentTerms, ends: Array) -> Array:
     try:
         if terms.is_geodesic:
             return geodesic(metric, ends[0], ends[2])(s)
-        return cubic(metric, *ends, duration=1.0)(s)
+        q0, v0, q1, v1 = ends
+        return cubic(metric, q0, v0, q1, v1, 1.0)(s)
     except (NotConverged, ValueError):
         if terms.is_geodesic:
             return np.asarray(ends[0] + s[:, None] * (ends[2] - ends[0]))
