@@ -10,7 +10,8 @@ import numpy as np
 
 import geodesic_ocp as go
 from geodesic_ocp.fitting.metric_program import MetricProgram
-from geodesic_ocp.fitting.recording_part import SegmentTerms, observe
+from geodesic_ocp.fitting.recording_part import observe
+from geodesic_ocp.fitting.segment_terms import SegmentTerms
 
 RATE = 100.0  # [Hz]
 

@@ -20,9 +20,9 @@ from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, with_parameters
-from geodesic_ocp.fitting.recording_part import Measure
 from geodesic_ocp.fitting.resampling import bootstrap_fit, separate_fits
 from geodesic_ocp.fitting.resampling import leave_one_out as predicted
+from geodesic_ocp.fitting.segment_terms import Measure
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recordings import read_recordings

@@ -13,8 +13,9 @@ from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
-from geodesic_ocp.fitting.recording_part import DEVIATION, Cost, Measure, observe_all
+from geodesic_ocp.fitting.recording_part import DEVIATION, observe_all
 from geodesic_ocp.fitting.resampling import resampled, units_of
+from geodesic_ocp.fitting.segment_terms import Cost, Measure
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import as_analysis_metric

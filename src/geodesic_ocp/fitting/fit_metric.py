@@ -13,7 +13,8 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.recording_part import Measure, observe_all
+from geodesic_ocp.fitting.recording_part import observe_all
+from geodesic_ocp.fitting.segment_terms import Measure
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
