@@ -50,6 +50,7 @@ def test_derivatives_are_those_of_the_whole_program(
     groups = np.array([0, 1, 1, 0, 1])
     cells = Cells(nodes[:, :, None] + np.arange(2), rng.normal(size=(5, 3, 3)))
     units = rng.normal(size=(4, 3)), ca.DM(rng.normal(size=(4, 3))) * shared[0]
+    sums = scipy.sparse.random_array((7, 24), density=0.4, rng=rng)
     linear = scipy.sparse.random_array((5, SIZE), density=0.2, rng=rng)
     form = scipy.sparse.random_array((SIZE, SIZE), density=0.1, rng=rng)
     program = BlockProgram(
@@ -61,6 +62,7 @@ def test_derivatives_are_those_of_the_whole_program(
                 mixed, combined, rng.normal(size=(4, 2)), weights=rng.normal(size=4), units=units
             ),
             Block(sharing, common, units=scales),
+            Block(sharing, common, units=scales, sums=sums),
             Block(
                 alone,
                 some[:2],

@@ -22,8 +22,13 @@ OF_A_RETARGETING = {
     go.retargeting.SynergyGroup,
     go.retargeting.SynergyPaths,
 }
-# And these in tests/execution/test_reprs.py and recordings/markers/test_fit_markers_recording.py.
-ALONE = {go.execution.Replay, go.recordings.MarkerFit, go.recordings.MarkerSet}
+# And these in test_reprs.py of execution, test_fit_markers_recording.py and test_fit_cost.py.
+ALONE = {
+    go.execution.Replay,
+    go.fitting.CostFit,
+    go.recordings.MarkerFit,
+    go.recordings.MarkerSet,
+}
 ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES | ALONE
 ABSTRACT = {go.Metric, go.MotionProblem, go.Problem}
 NEEDS_A_NOTEBOOK = {go.ocp.LivePlot}

@@ -131,11 +131,13 @@ class Block:
         places: places of the variables of every instance in x: indices (instances, size), all
             different in a row; a sparse matrix (instances * size, number of variables); or cells.
         values: values of the parameters, (instances, k).
-        lower, upper: bounds of the constraint functions, (instances, m).
+        lower, upper: bounds of the constraint functions, (instances, m); or of the sums of them.
         weights: weights of the objective (instances,); None: one.
         units: offset and scale of the variables (rows of places, size); None: zero and one.
         groups: for each instance the row of `places` with its variables, of terms without
             constraints; None: each has its own.
+        sums: matrix (sums, instances * m) of the weighted sums of the constraint functions that are
+            constrained, as in weak forms of equations; None: each function is by itself.
     """
 
     terms: Terms
@@ -146,6 +148,7 @@ class Block:
     weights: Array | ca.MX | ca.DM | None = None
     units: tuple[Any, Any] | None = None
     groups: Indices | None = None
+    sums: scipy.sparse.sparray | None = None
 
     @property
     def count(self) -> int:
@@ -162,8 +165,17 @@ class Block:
 
     @property
     def size_g(self) -> int:
-        """Number of constraint functions of all instances."""
-        return self.terms.size_g * self.count
+        """Number of constraint functions of all instances, or of their sums."""
+        return self.terms.size_g * self.count if self.sums is None else int(self.sums.shape[0])
+
+    def constraints(self, values: ca.MX) -> ca.MX:
+        """Return the constraint functions from those of all instances, one column each."""
+        return ca.vec(values) if self.sums is None else as_dm(self.sums) @ ca.vec(values)
+
+    def of_instances(self, lam_g: ca.MX | ca.DM) -> ca.MX | ca.DM:
+        """Return multipliers of the constraint functions of all instances, one column each."""
+        own = lam_g if self.sums is None else as_dm(self.sums.T) @ lam_g
+        return ca.reshape(own, self.terms.size_g, self.count)
 
     @cached_property
     def _matrix(self) -> scipy.sparse.csr_array:
@@ -192,9 +204,11 @@ class Block:
         values = ca.DM(0, self.count) if self.values is None else _columns(self.values)
         return [z, values]
 
-    def objective(self, x: ca.MX) -> ca.MX:
-        """Return the weighted sum of the objective of all instances."""
-        return _weighted(self, self.terms.mapped("value", self.count, self.arguments(x))[0])
+    def objectives(self, x: ca.MX) -> ca.MX:
+        """Return the weighted sums of the objective over the instances with the same variables."""
+        values = self.terms.mapped("value", self.count, self.arguments(x))[0]
+        weights = ca.DM.ones(1, self.count) if self.weights is None else _columns(self.weights)
+        return ca.vec(self._summed(values * weights))
 
     def spread(self, at: Indices, values: ca.MX) -> tuple[Indices, Indices, Array, ca.MX]:
         """Return entries of all instances by their variables, as entries by x.
@@ -211,6 +225,23 @@ class Block:
             values = values * _columns(self.units[1])[at.tolist(), :]
         number, entry = self._expanded(self._of_instances(at))
         return number, self._matrix.indices[entry], self._matrix.data[entry], ca.vec(values)
+
+    def summed_jacobian(self, slopes: ca.MX) -> ca.MX:
+        """Return the Jacobian of the sums by x from the entries of all instances, one column each.
+
+        As products of sparse matrices, for each sum has the variables of many instances.
+        """
+        rows, columns = self.terms.jacobian_entries
+        size_g, size = self.terms.size_g, self.terms.size
+        each = np.arange(self.count)[:, None]
+        of_instances = _assembled(
+            (size_g * self.count, size * self.count),
+            [_Entries((each * size_g + rows).ravel(), (each * size + columns).ravel(), slopes)],
+        )
+        matrix = self._matrix
+        if self.units is not None:
+            matrix = scipy.sparse.diags_array(np.ravel(self.units[1])) @ matrix
+        return as_dm(self.sums) @ of_instances @ as_dm(matrix)
 
     def _of_instances(self, at: Indices) -> Indices:
         """Return rows of the matrix A for some of the variables of every instance, in order."""
@@ -326,7 +357,7 @@ class BlockProgram:
         for block, (z, values) in pairs:
             of_each, constraints = block.terms.mapped("value", block.count, [z, values])
             f += _weighted(block, of_each) if block.terms.has_objective else 0
-            g.append(ca.vec(constraints))
+            g.append(block.constraints(constraints))
         again, gradient = self._gradient(pairs)
         if self.quadratic is not None:
             bent, linear = as_dm(self.quadratic[0]) @ x, ca.DM(self.quadratic[1])
@@ -362,6 +393,12 @@ class BlockProgram:
             if block.size_g:
                 _, slopes = block.terms.mapped("jacobian", block.count, [z, values])
                 rows, columns = block.terms.jacobian_entries
+                if block.sums is not None:
+                    total = block.summed_jacobian(slopes)
+                    row, at = _triplets(total.sparsity())
+                    parts.append(_Entries(first + row, at, total.nz[:]))
+                    first += block.size_g
+                    continue
                 source, at, factors, entries = block.spread(columns, slopes)
                 instance, entry = np.divmod(source, max(columns.size, 1))
                 row = first + block.terms.size_g * instance + rows[entry]
@@ -378,8 +415,7 @@ class BlockProgram:
                 weights: ca.MX | ca.DM = ca.DM.ones(1, block.count)
                 if block.weights is not None:
                     weights = _columns(block.weights)
-                factors = ca.reshape(own, block.terms.size_g, block.count)
-                inputs = [z, values, lam_f * weights, factors]
+                inputs = [z, values, lam_f * weights, block.of_instances(own)]
                 parts.append(block.curvature(*block.terms.mapped("hessian", block.count, inputs)))
         if self.quadratic is not None:
             upper = scipy.sparse.triu(self.quadratic[0]).tocoo()

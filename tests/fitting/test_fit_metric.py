@@ -168,6 +168,58 @@ def test_parameters_of_a_users_metric() -> None:
     assert fit.metric(model) == Stretched(fit.values["stretch"])
 
 
+def test_parameters_from_cubics(tmp_path: Path) -> None:
+    model = go.load_model(PLANAR, hand="hand")
+    rng = np.random.default_rng(1)
+    data = synthetic_recording(Stretched(2.0), model, rng, count=6, curve="cubic")
+    start = go.fitting.Parameter("stretch", 0.7)
+    fit = fitted(data, metric=lambda model: Stretched(), parameters=start, curve="cubic")
+    assert fit.curve == "cubic"
+    assert "cubics, 1 recording" in repr(fit)
+    assert fit.values["stretch"] == pytest.approx(2.0, rel=1e-3)
+    assert fit.errors == pytest.approx(0.0, abs=1e-4)
+    file = tmp_path / "metric.json"
+    go.fitting.save_metric(file, fit)
+    assert '"curve": "cubic"' in file.read_text()
+    geodesics = fitted(data, metric=lambda model: Stretched(), parameters=start)
+    assert geodesics.errors[0] > 0.01  # these motions are no geodesics
+
+
+@pytest.mark.slow
+def test_joint_inertia_from_noisy_cubics(arm: go.Model, true_metric: go.Metric) -> None:
+    rng = np.random.default_rng(3)
+    data = [
+        synthetic_recording(
+            true_metric, arm, rng, count=5, noise=0.003, name=f"r{k}", curve="cubic"
+        )
+        for k in range(2)
+    ]
+    fit = fitted(*data, curve="cubic", free_ends=True)
+    (estimate,) = fit.estimates
+    assert abs(estimate.value - TRUE) < 3.0 * estimate.standard_error
+    assert 0.0 < estimate.standard_error < 0.1 * TRUE
+    for each in go.fitting.separate_fits(fit).values():
+        assert each.values["joint_inertia"] == pytest.approx(TRUE, rel=0.3)
+    (interval,) = go.fitting.bootstrap_fit(fit, 50)
+    assert interval.low < interval.high
+    for each in go.fitting.leave_one_out(fit).left_out:
+        assert each.errors.joint < each.straight_lines.joint
+
+
+def test_solutions_that_are_worse_than_their_start_are_refused() -> None:
+    model = go.load_model(PLANAR, hand="hand")
+    rng = np.random.default_rng(1)
+    data = synthetic_recording(Stretched(2.0), model, rng, count=3, curve="cubic")
+    start = go.fitting.Parameter("stretch", 0.7)
+    fit = fitted(data, metric=lambda model: Stretched(), parameters=start, curve="cubic")
+    # From the solution with a wrong value, which does not fulfil the conditions, all is allowed.
+    again = fit.program.solve(near=fit.outcome, fixed={0: 3.0})
+    assert again.success
+    assert again.objective > fit.outcome.objective
+    back = fit.program.solve(near=again)
+    assert back.objective == pytest.approx(fit.outcome.objective, abs=1e-9)
+
+
 PLANAR = """
 <robot name="planar">
   <link name="base"/>
@@ -191,10 +243,9 @@ def test_derivatives_of_the_least_errors(noisy_fit: go.fitting.MetricFit) -> Non
     """By solving again with the parameter fixed nearby."""
     program, outcome = noisy_fit.program, noisy_fit.outcome
     value, step = float(outcome.x[0]), 0.01
-    ones = np.ones(len(noisy_fit.recordings))
     errors = [
         program.mean_squares(
-            program.solve(ones, outcome, {0: (value + k * step) * program.start[0]}).x
+            program.solve(near=outcome, fixed={0: (value + k * step) * program.start[0]}).x
         )
         / 2.0
         for k in (-1, 0, 1)
@@ -216,9 +267,10 @@ def test_a_metric_that_is_not_linear_in_its_parameter() -> None:
     assert fit.values["stretch"] == pytest.approx(2.0, rel=1e-3)
     program, x = fit.program, fit.outcome.x
     factors = rng.normal(size=fit.outcome.lam_g.size)
-    for half, found in enumerate(program._curvatures(x, factors)[:, 0, 0]):
+    by_segment = program._curvatures(x, factors.reshape(4, -1))[:, 0, 0]
+    for half, found in enumerate(by_segment.reshape(2, 2).sum(axis=1)):
         own = np.where(np.arange(factors.size) // (factors.size // 2) == half, factors, 0.0)
-        hessian = program.program.functions["hess_lag"](x, np.ones(2), 0.0, own)
+        hessian = program.program.functions["hess_lag"](x, np.ones(4), 0.0, own)
         assert found == pytest.approx(float(hessian[0, 0]), rel=1e-12)
         assert abs(found) > 1e-3
 
@@ -279,6 +331,8 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
         go.fit_metric(recording, go.fitting.Parameter("armature", 1.0, joints=("Knee",)))
     with pytest.raises(ValueError, match="measure must be one of joint, position"):
         go.fit_metric(recording, measure="hand")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="curve must be one of geodesic, cubic, got 'spline'"):
+        go.fit_metric(recording, curve="spline")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="segments must be given for each of 1"):
         go.fit_metric(recording, segments=[segments, segments])
     with pytest.raises(ValueError, match="must cover samples 0 to 240 without gaps"):

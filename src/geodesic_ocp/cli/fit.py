@@ -20,9 +20,9 @@ from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, with_parameters
-from geodesic_ocp.fitting.recording_part import Measure
 from geodesic_ocp.fitting.resampling import bootstrap_fit, separate_fits
 from geodesic_ocp.fitting.resampling import leave_one_out as predicted
+from geodesic_ocp.fitting.segment_terms import Measure
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recordings import read_recordings
@@ -30,6 +30,7 @@ from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
+from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.tables import new_table, save_tables, text
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ def fit(
     side: Sides = "right",
     parameter: Annotated[list[str] | None, _PARAMETER] = None,
     measure: Measure = "joint",
+    curve: Curve = "geodesic",
     penalty: float | None = None,
     by: Literal["recording", "subject"] | None = None,
     bootstrap: int = 1000,
@@ -76,6 +78,8 @@ def fit(
         file: recordings, or folders of recordings.
         side: the arm.
         measure: errors of the joints [rad] or of the hand's position [m].
+        curve: what predicts a segment: geodesics, or Riemannian cubics, which also receive the
+            velocities at the cuts.
         penalty: cut where the error becomes least instead, with this mean joint error for each
             segment [rad].
         by: units that are resampled and left out; default: subjects where there are several.
@@ -106,7 +110,8 @@ def fit(
             recordings,
             parameters,
             measure=measure,
-            segments=_optimal_segments(penalty, parameters, recordings, bar),
+            curve=curve,
+            segments=_optimal_segments(penalty, parameters, recordings, curve, bar),
             threshold=analysis.threshold,
             min_duration=analysis.min_duration,
             hysteresis=analysis.hysteresis,
@@ -181,6 +186,7 @@ def _optimal_segments(
     penalty: float | None,
     parameters: Sequence[Parameter],
     recordings: Sequence[Recording],
+    curve: Curve,
     bar: Progress,
 ) -> list[list[tuple[int, int]]] | None:
     """Return the cuts of least error with the initial metric, if --penalty asks for them."""
@@ -192,6 +198,7 @@ def _optimal_segments(
             with_parameters(AdjustableKineticEnergy(each.model), parameters, start),
             each.motion,
             penalty=penalty,
+            curve=curve,
             progress=bar,
         )
         for each in recordings

@@ -1,3 +1,6 @@
+from .cost_fit import CostFit as CostFit
+from .cost_fit import bootstrap_cost as bootstrap_cost
+from .cost_fit import fit_cost as fit_cost
 from .error_profile import ErrorProfile as ErrorProfile
 from .error_profile import error_profile as error_profile
 from .metric_fit import ConfidenceInterval as ConfidenceInterval

@@ -118,15 +118,15 @@ def error_profile(
                 f"values of {wanted} must be between {parameter.lower:g} and {parameter.upper:g}, "
                 f"got {values!r}"
             )
-    report, weights = progress or no_progress, np.ones(len(fit.recordings))
+    report = progress or no_progress
     middle = int(np.argmin(np.abs(grid - estimate.value)))
-    squares = np.empty((grid.size, weights.size))
+    squares = np.empty((grid.size, len(fit.recordings)))
     near = fit.outcome
     for done, number in enumerate([*range(middle, grid.size), *range(middle - 1, -1, -1)]):
         report(f"profile of {wanted}", done, grid.size)
         if number == middle - 1:  # downwards, from the middle again
             near = fit.outcome
-        near = fit.program.solve(weights, near, {index: float(grid[number])})
+        near = fit.program.solve(near=near, fixed={index: float(grid[number])})
         if not near.success:
             raise NotConverged(f"{wanted} = {grid[number]:.4g}: {near.status}", near)
         squares[number] = fit.program.mean_squares(near.x)

@@ -1,4 +1,4 @@
-"""fit_metric: the metric whose geodesics are nearest to recorded motions."""
+"""fit_metric: the metric whose geodesics or cubics are nearest to recorded motions."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_integer
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.recording_part import Measure, SegmentTerms, observe
+from geodesic_ocp.fitting.recording_part import observe_all
+from geodesic_ocp.fitting.segment_terms import Measure
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.segment import segment
-from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.trajectory.motion import bandwidth
 
 _AT_BOUND = 1e-4  # distance from a bound, relative to the initial or the largest value
@@ -44,17 +44,19 @@ def fit_metric(
     min_duration: float = 0.1,
     hysteresis: float = 0.1,
     free_ends: bool = False,
+    curve: Curve = "geodesic",
     degree: int = 8,
     progress: Progress | None = None,
 ) -> MetricFit:
     """Estimate parameters of a metric from recordings, by inverse optimal control.
 
-    One nonlinear program in the parameters and the paths of all segments: it minimizes the squared
-    error between paths and samples, the mean over the recordings of the mean over the samples,
-    subject to each path being a geodesic of the metric with these parameters. Ipopt solves it with
-    exact first and second derivatives. The progress along each path is a cubic in time whose end
-    rates are estimated too, so that the parameters are determined by the shape of the paths and not
-    by differentiated data. The cuts between segments stay fixed.
+    One nonlinear program in the parameters and the predictions of all segments: it minimizes the
+    squared error between predictions and samples, the mean over the recordings of the mean over the
+    samples, subject to each prediction being a geodesic or Riemannian cubic of the metric with
+    these parameters. Ipopt solves it with exact first and second derivatives. The progress along a
+    geodesic is a cubic in time whose end rates are estimated too, so that the parameters are
+    determined by the shape of the paths and not by differentiated data. Cubics have the observed
+    velocities at the cuts. The cuts between segments stay fixed.
 
     >>> import numpy as np
     >>> import geodesic_ocp as go
@@ -79,9 +81,11 @@ def fit_metric(
             with the initial values. Segments that hardly move are left out.
         threshold, min_duration, hysteresis: threshold, min duration and hysteresis of `segment`
             [rad], [s], [rad].
-        free_ends: whether the ends of the paths are estimated; by default they are as observed, as
-            in `reconstruct`. Estimated ends are for noisy, unfiltered data.
-        degree: degree of the polynomials that represent the paths.
+        free_ends: whether the ends of the predictions are estimated; by default they are as
+            observed, as in `reconstruct`. Estimated ends are for noisy, unfiltered data.
+        curve: what predicts a segment: "geodesic", or "cubic", the motion of least covariant
+            acceleration between the observed configurations and velocities (`go.cubic`).
+        degree: degree of the polynomials that represent the predictions, 5 to 14.
         progress: called with the current step, the amount done, and the total.
 
     Returns:
@@ -89,44 +93,32 @@ def fit_metric(
         it further, `save_metric` writes it to a file.
 
     Raises:
-        ValueError: wrong parameters or segments, or models of different numbers of joints.
+        ValueError: wrong parameters, curve or segments, or models of different numbers of joints.
         NotConverged: Ipopt did not find a solution.
     """
-    listed = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    if not listed or not all(isinstance(each, Recording) for each in listed):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
-    if len({each.model.dof for each in listed}) > 1:
-        raise ValueError("the models of all recordings must have the same number of joints")
-    if segments is not None and len(segments) != len(listed):
-        raise ValueError(f"segments must be given for each of {len(listed)} recordings")
+    chosen, report = as_parameters(parameters), progress or no_progress
     if not callable(metric):
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
-    if measure not in get_args(Measure):
-        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    if curve not in get_args(Curve):
+        raise ValueError(f"curve must be one of {', '.join(get_args(Curve))}, got {curve!r}")
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
-    chosen, report = as_parameters(parameters), progress or no_progress
-    grid = Grid(1, as_integer("degree", degree, 3))
-    rule = {"min_duration": min_duration, "hysteresis": hysteresis}
     theta = ca.SX.sym("theta", len(chosen))
     start, lower, upper = np.array([(p.start, p.lower, p.upper) for p in chosen], dtype=float).T
-    terms: dict[int, SegmentTerms] = {}  # recordings of one model share them
-    parts = []
-    for number, recording in enumerate(listed):
-        report("preparing recordings", number, len(listed))
-        model = recording.model
-        if id(model) not in terms:
-            symbolic = with_parameters(metric(model), chosen, ca.vertsplit(theta))
-            terms[id(model)] = SegmentTerms(symbolic, theta, model, measure, grid)
-        initial = with_parameters(metric(model), chosen, start.tolist())
-        if segments is None:
-            cuts: Sequence[tuple[int, int]] = segment(initial, recording.motion, threshold, **rule)
-        else:
-            cuts = segments[number]
-        parts.append(observe(recording, initial, cuts, terms[id(model)]))
-    program = MetricProgram(tuple(parts), start, lower, upper, free_ends)
+    parts = observe_all(
+        recordings,
+        lambda model: with_parameters(metric(model), chosen, start.tolist()),
+        lambda model: with_parameters(metric(model), chosen, ca.vertsplit(theta)),
+        theta,
+        {"energy" if curve == "geodesic" else "acceleration": 1.0},
+        *(measure, degree, segments),
+        {"threshold": threshold, "min_duration": min_duration, "hysteresis": hysteresis},
+        report,
+    )
     return solve_program(
-        program, chosen, metric, report=lambda k: report("fitting the metric: iterations", k, 0)
+        MetricProgram(parts, start, lower, upper, free_ends),
+        *(chosen, metric),
+        report=lambda k: report("fitting the metric: iterations", k, 0),
     )
 
 
@@ -142,7 +134,7 @@ def solve_program(
     Raises:
         NotConverged: Ipopt did not find a solution.
     """
-    outcome = program.solve(np.ones(len(program.parts)), near, report=report)
+    outcome = program.solve(near=near, report=report)
     if not outcome.success:
         raise NotConverged(f"the metric was not fitted: {outcome.status}", outcome)
     derivatives = program.least_errors(outcome)

@@ -20,6 +20,7 @@ from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import convert, decoding, read_record, write_record
+from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.tables import markdown, new_table
 
 if TYPE_CHECKING:
@@ -97,12 +98,18 @@ class MetricFit:
 
     def __repr__(self) -> str:
         count, error = len(self.recordings), float(np.sqrt(np.mean(self.errors**2)))
+        number = f"{count} recording{'s'[: count - 1]}"
         lines = [
             f"MetricFit({', '.join(map(repr, self.estimates))}",
-            f"{count} recording{'s'[: count - 1]}, rms error {error:.4g} {self.error_unit})",
+            f"{self.curve}s, {number}, rms error {error:.4g} {self.error_unit})",
         ]
         lines += [f"not determined: {len(self.undetermined)}"] if self.undetermined else []
         return "\n  ".join(lines)
+
+    @property
+    def curve(self) -> Curve:
+        """What predicts a segment, "geodesic" or "cubic"."""
+        return "geodesic" if self.program.parts[0].terms.is_geodesic else "cubic"
 
     @property
     def error_unit(self) -> str:
@@ -181,6 +188,7 @@ def save_metric(
     record = {
         "format": FORMAT,
         "version": _VERSION,
+        "curve": fit.curve,
         "metric": type(fit.metric(fit.recordings[0].model)).__name__,
         "parameters": entries,
         "fixed": _fixed_fields(fit),

@@ -33,6 +33,9 @@ from geodesic_ocp.ipopt import Ipopt, Outcome, Relay
 _REGULARIZATION = 1e-6
 _NEGLIGIBLE = 1e-3  # relative values much below this one are as zero to the logarithm
 _ACTIVE = 1e-6  # distance from a bound that is active
+_FULFILLED = 1e-6  # conditions, in their units
+_WORSE = 1e-6  # an error that is larger by so much, relative
+_STEPS, _STEP, _LEAST_STEP = 20, 2.0, 0.01  # of parameters from poor initial values, their factor
 _IPOPT = {"tol": 1e-7, "max_iter": 200, "acceptable_iter": 0}
 _WARM = {
     "warm_start_init_point": "yes",
@@ -47,13 +50,13 @@ _WARM = {
 class LeastErrors(ShortRepr):
     """Derivatives of e_r(theta), half the least mean squared error of recording r.
 
-    The least error over all paths that are geodesics of the metric with these parameters, in units
-    of the deviation; the parameters in units of their initial values.
+    The least error over all predictions with these parameters, in units of the deviation; the
+    parameters in units of their initial values. Of a segment, it is its share of the recording's.
 
     Attributes:
-        values: (recordings,).
-        gradients: (recordings, p).
-        hessians: (recordings, p, p).
+        values: (recordings,) or (segments,).
+        gradients: (recordings, p) or (segments, p).
+        hessians: (recordings, p, p) or (segments, p, p).
     """
 
     values: Array
@@ -68,13 +71,14 @@ class LeastErrors(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MetricProgram(ShortRepr):
-    """The nonlinear program of a fit, for any weights of the recordings.
+    """The nonlinear program of a fit, for any weights of the segments.
 
     Attributes:
         parts: the recordings.
         start: initial values of the parameters (p,), which are their units.
         lower, upper: their bounds (p,).
         free_ends: whether the ends of the paths are estimated; otherwise they are as observed.
+        are_shares: whether the parameters add up to one.
     """
 
     parts: tuple[RecordingPart, ...]
@@ -82,6 +86,7 @@ class MetricProgram(ShortRepr):
     lower: Array
     upper: Array
     free_ends: bool
+    are_shares: bool = False
     _shown = ("size", "counts")
 
     @property
@@ -92,7 +97,7 @@ class MetricProgram(ShortRepr):
     @cached_property
     def num_x(self) -> int:
         """Number of variables of a segment."""
-        return self.parts[0].terms.sample.size
+        return self.parts[0].terms.num_x
 
     @cached_property
     def counts(self) -> list[int]:
@@ -100,7 +105,7 @@ class MetricProgram(ShortRepr):
         return [part.count for part in self.parts]
 
     @cached_property
-    def _owners(self) -> Indices:
+    def owners(self) -> Indices:
         """Index of the recording of every segment."""
         return np.repeat(np.arange(len(self.parts)), self.counts)
 
@@ -111,27 +116,39 @@ class MetricProgram(ShortRepr):
 
     @cached_property
     def program(self) -> BlockProgram:
-        """All blocks; the weights of the recordings are its parameters."""
-        p, weights = self.size, ca.MX.sym("weights", len(self.parts))
+        """All blocks; the weights of the segments are its parameters."""
+        p, weights = self.size, ca.MX.sym("weights", sum(self.counts))
         near = Block(_change(), np.arange(p)[:, None], weights=np.full(p, _REGULARIZATION))
-        own = zip(self.parts, self._first, ca.vertsplit(weights), strict=True)
+        edges = np.cumsum([0, *self.counts]).tolist()
+        own = zip(self.parts, self._first, ca.vertsplit(weights, edges), strict=True)
         errors = [part.errors(first, weight) for part, first, weight in own]
         pairs = zip(self.parts, self._first, strict=True)
         equations = [part.equations(first, self.start) for part, first in pairs]
         size = p + self.num_x * sum(self.counts)
-        return BlockProgram(size, [near, *errors, *equations], weights)
+        total, zero, one = _excess_of_shares(p), np.zeros((1, 1)), np.ones((1, p))
+        shares = Block(
+            total, np.arange(p)[None, :], None, zero, zero, None, (0.0 * one, one * self.start)
+        )
+        blocks = [near, *errors, *equations, *[shares][: self.are_shares]]
+        return BlockProgram(size, blocks, weights)
 
     @cached_property
     def _errors(self) -> ca.Function:
-        """Half the mean squared error of each recording."""
+        """Half the squared error of each segment, whose sum is the mean over the recording."""
         z = ca.MX.sym("z", self.program.size)
         pairs = zip(self.parts, self._first, strict=True)
-        errors = [part.errors(first, 1.0).objective(z) for part, first in pairs]
+        errors = [part.errors(first).objectives(z) for part, first in pairs]
         return ca.Function("errors", [z], [ca.vertcat(*errors)])
+
+    def _of_recordings(self, values: Array) -> Array:
+        """Return the sums over the segments of each recording of values (segments, ...)."""
+        result = np.zeros((len(self.parts), *values.shape[1:]))
+        np.add.at(result, self.owners, values)
+        return result
 
     def mean_squares(self, z: Array) -> Array:
         """Return mean squared error of each recording, (recordings,), in units of the deviation."""
-        return np.asarray(2.0 * self._errors(z).full()[:, 0])
+        return self._of_recordings(2.0 * self._errors(z).full()[:, 0])
 
     @cached_property
     def _listeners(self) -> list[Callable[[int], object]]:
@@ -144,7 +161,7 @@ class MetricProgram(ShortRepr):
             for each in self._listeners:
                 each(number)
 
-        program, size_p = self.program, len(self.parts)
+        program, size_p = self.program, sum(self.counts)
         return program.solver(options, Relay(program.size, program.size_g, size_p, tell))
 
     @cached_property
@@ -160,19 +177,20 @@ class MetricProgram(ShortRepr):
         """The initial values of all variables."""
         parts = [np.ones(self.size)]
         for part in self.parts:
-            nodes = part.nodes.reshape(part.count, -1)
-            parts.append(np.hstack([nodes, part.end_rates]).ravel())
+            own = part.coefficients.reshape(part.count, -1)
+            parts.append(np.hstack([own, part.end_rates]).ravel())
         return np.concatenate(parts)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of the variables, those of the parameters included."""
-        n = self.parts[0].terms.dim
+        terms = self.parts[0].terms
         lower, upper = np.full((2, sum(self.counts), self.num_x), np.inf)
         lower *= -1.0
-        lower[:, -2:], upper[:, -2:] = 0.0, MAX_END_RATE
+        rates = self.num_x - terms.num_rates
+        lower[:, rates:], upper[:, rates:] = 0.0, MAX_END_RATE
         if not self.free_ends:
-            ends = [*range(n), *range(self.num_x - 2 - n, self.num_x - 2)]
+            ends = np.add.outer(terms.dim * np.array(terms.given), np.arange(terms.dim)).ravel()
             given = self.guess[self.size :].reshape(-1, self.num_x)
             lower[:, ends] = upper[:, ends] = given[:, ends]
         return (
@@ -182,64 +200,102 @@ class MetricProgram(ShortRepr):
 
     def solve(
         self,
-        weights: Array,
+        weights: Array | None = None,
         near: Outcome | None = None,
         fixed: dict[int, float] | None = None,
         report: Callable[[int], object] | None = None,
     ) -> Outcome:
-        """Return the solution for weights of the recordings.
+        """Return the solution for weights of the segments.
 
         Args:
-            weights: (recordings,).
+            weights: (segments,); None: one.
             near: a solution for other weights, values or recordings from which to start.
             fixed: values of parameters that are not estimated, by index.
             report: called with the number of every iteration.
         """
+        weights = np.ones(sum(self.counts)) if weights is None else weights
         self._listeners[:] = [] if report is None else [report]
         lower, upper = (bound.copy() for bound in self.bounds)
         start = (self.guess if near is None else near.x).copy()
         for index, value in (fixed or {}).items():
             lower[index] = upper[index] = start[index] = value / self.start[index]
-        given = {"p": weights, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
-        given["x0"] = np.clip(start, lower, upper)
+        x0 = np.clip(start, lower, upper)
+        slack = np.zeros(self.program.size_g)
+        if len(fixed or {}) == self.size:  # there is nothing left for shares to add up to
+            slack[self._equations :] = np.inf
+        given = {"p": weights, "lbx": lower, "ubx": upper, "lbg": -slack, "ubg": slack}
+        # A start that fulfils the conditions bounds the least error from above.
+        error, conditions = (each.full() for each in self.program.functions["nlp"](x0, weights))
+        most = float(error[0, 0]) if np.abs(conditions).max() < _FULFILLED else np.inf
+
+        def tried(solver: Ipopt, **more: Any) -> Outcome:
+            found = solver(**{**given, "x0": x0, **more})
+            if found.success and found.objective > most + _WORSE * (abs(most) + 1.0):
+                return replace(found, success=False, status="Ipopt found only a larger error")
+            return found
+
         if near is not None:
-            outcome = self._warm_solver(**given, lam_x0=near.lam_x, lam_g0=near.lam_g)
+            outcome = tried(self._warm_solver, lam_x0=near.lam_x, lam_g0=near.lam_g)
             if outcome.success:
                 return outcome
-        outcome = self._cold_solver(**given)
-        if outcome.success or near is not None or fixed is not None:
+        outcome = tried(self._cold_solver)
+        if outcome.success or fixed is not None:
             return outcome
-        # From poor initial values: first the paths alone, then the parameters as well.
-        paths = self.solve(weights, fixed=dict(enumerate(self.start.tolist())), report=report)
-        return self.solve(weights, paths, report=report) if paths.success else outcome
+        # From poor initial values: first the paths alone, then the parameters in small steps.
+        known = dict(enumerate((start[: self.size] * self.start).tolist()))
+        paths = self.solve(weights, near, known, report)
+        for _ in range(_STEPS * paths.success):
+            x0, p = paths.x, slice(self.size)
+            narrow, wide = lower.copy(), upper.copy()
+            narrow[p] = np.maximum(lower[p], np.minimum(x0[p] / _STEP, x0[p] - _LEAST_STEP))
+            wide[p] = np.minimum(upper[p], np.maximum(x0[p] * _STEP, x0[p] + _LEAST_STEP))
+            more = {"lbx": narrow, "ubx": wide, "lam_x0": paths.lam_x, "lam_g0": paths.lam_g}
+            most, paths = paths.objective, tried(self._warm_solver, **more)
+            if not paths.success:
+                return paths
+            stopped = (narrow > lower) & (paths.x < narrow + _ACTIVE)
+            stopped |= (wide < upper) & (paths.x > wide - _ACTIVE)
+            if not stopped[p].any():
+                return paths
+        return outcome
 
     def start_of(self, chosen: Sequence[int], solution: Outcome) -> Outcome:
         """Return the part of a solution that belongs to some of the recordings, by index."""
-        segments = np.concatenate([np.flatnonzero(self._owners == index) for index in chosen])
+        segments = np.concatenate([np.flatnonzero(self.owners == index) for index in chosen])
 
         def of_variables(values: Array) -> Array:
             rest = values[self.size :].reshape(-1, self.num_x)[segments]
             return np.concatenate([values[: self.size], rest.ravel()])
 
-        lam_g = solution.lam_g.reshape(-1, self.parts[0].terms.num_equations)[segments].ravel()
+        lam_g = np.append(self._multipliers(solution)[segments], solution.lam_g[self._equations :])
         x, lam_x = of_variables(solution.x), of_variables(solution.lam_x)
         return replace(solution, x=x, lam_x=lam_x, lam_g=lam_g)
 
-    def least_errors(self, solution: Outcome) -> LeastErrors:
-        """Return derivatives by the parameters at the solution for equal weights of all recordings.
+    @property
+    def _equations(self) -> int:
+        """Number of equations of all segments."""
+        return sum(self.counts) * self.parts[0].terms.num_equations
+
+    def _multipliers(self, solution: Outcome) -> Array:
+        """Return multipliers of the equations of each segment, (segments, m)."""
+        return solution.lam_g[: self._equations].reshape(sum(self.counts), -1)
+
+    def least_errors(self, solution: Outcome, by_segment: bool = False) -> LeastErrors:
+        """Return derivatives by the parameters at the solution for equal weights.
 
         By the implicit function theorem, segment by segment.
         """
-        z, lam_g, ones = solution.x, solution.lam_g, np.ones(len(self.parts))
+        z, ones = solution.x, np.ones(sum(self.counts))
         p, m, functions = self.size, self.parts[0].terms.num_equations, self.program.functions
+        factors = self._multipliers(solution)
         jacobian = functions["jac_g"](z, ones)[1].sparse().tocsr()
-        upper = functions["hess_lag"](z, ones, 1.0, lam_g).sparse()
+        upper = functions["hess_lag"](z, ones, 1.0, solution.lam_g).sparse()
         hessian = scipy.sparse.csc_array(upper + scipy.sparse.triu(upper, 1).T)
         lower_bound, upper_bound = self.bounds
         free = (z > lower_bound + _ACTIVE) & (z < upper_bound - _ACTIVE)
-        gradients = np.zeros((len(self.parts), p))
-        hessians = self._curvatures(z, lam_g)
-        for segment, owner in enumerate(self._owners):
+        gradients = np.zeros((sum(self.counts), p))
+        hessians = self._curvatures(z, factors)
+        for segment in range(len(gradients)):
             first, rows = p + segment * self.num_x, slice(segment * m, (segment + 1) * m)
             columns = first + np.flatnonzero(free[first : first + self.num_x])
             equations = jacobian[rows]  # rows first: they are stored together
@@ -248,24 +304,34 @@ class MetricProgram(ShortRepr):
             block, mixed = of_segment[columns].toarray(), of_segment[:p].toarray()
             kkt = np.block([[block, by_x.T], [by_x, np.zeros((m, m))]])
             right = np.vstack([mixed.T, by_theta])
-            hessians[owner] -= right.T @ np.linalg.lstsq(kkt, right, rcond=1e-13)[0]
-            gradients[owner] += by_theta.T @ lam_g[rows]
-        return LeastErrors(self.mean_squares(z) / 2.0, gradients, hessians)
+            hessians[segment] -= right.T @ np.linalg.lstsq(kkt, right, rcond=1e-13)[0]
+            gradients[segment] = by_theta.T @ factors[segment]
+        found = self._errors(z).full()[:, 0], gradients, hessians
+        return LeastErrors(*(found if by_segment else map(self._of_recordings, found)))
 
-    def _curvatures(self, z: Array, lam_g: Array) -> Array:
-        """Return second derivatives (recordings, p, p) of each one's equations by the parameters
+    def _curvatures(self, z: Array, factors: Array) -> Array:
+        """Return second derivatives (segments, p, p) of each one's equations by the parameters
         alone.
+
+        Args:
+            z: the variables.
+            factors: of the equations of each segment, (segments, m).
         """
-        p, hessians = self.size, np.zeros((len(self.parts), self.size, self.size))
+        p, found = self.size, []
         for k, part in enumerate(self.parts):
             block = part.equations(self._first[k], self.start)
-            own = lam_g.reshape(len(self._owners), -1)[self._owners == k].reshape(block.count, -1)
-            inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), own.T]
-            entries = ca.sum2(block.terms.mapped("hessian", block.count, inputs)[0]).full()[:, 0]
-            shape = block.terms.size, block.terms.size
-            upper = scipy.sparse.coo_array((entries, block.terms.hessian_entries), shape).toarray()
-            hessians[k] = upper[-p:, -p:] * np.outer(self.start, self.start)
-        return np.asarray(hessians + np.triu(hessians, 1).swapaxes(1, 2))
+            own = block.of_instances(ca.DM(factors[self.owners == k].ravel()))
+            inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), own]
+            entries = block.terms.mapped("hessian", block.count, inputs)[0].full()
+            rows, columns = block.terms.hessian_entries
+            corner = rows >= block.terms.size - p
+            hessians = np.zeros((part.count, p, p))
+            sums = entries[corner].reshape(-1, part.count, block.count // part.count).sum(axis=2)
+            at = rows[corner] - block.terms.size, columns[corner] - block.terms.size
+            hessians[(slice(None), *at)] = sums.T * (self.start[at[0]] * self.start[at[1]])
+            found.append(hessians)
+        upper = np.concatenate(found)
+        return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
 
 @lru_cache(maxsize=1)
@@ -274,3 +340,10 @@ def _change() -> Terms:
     y = ca.SX.sym("y")
     value = (ca.log((y**2 + _NEGLIGIBLE**2) / (1 + _NEGLIGIBLE**2)) / 2) ** 2
     return Terms(y, objective=value)
+
+
+@lru_cache
+def _excess_of_shares(size: int) -> Terms:
+    """Return the sum of shares minus one."""
+    y = ca.SX.sym("y", size)
+    return Terms(y, constraints=ca.sum1(y) - 1.0)

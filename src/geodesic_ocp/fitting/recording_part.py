@@ -1,110 +1,36 @@
-"""A recording's contribution to the program of a fit: its segments, and terms of one segment.
-
-A path is a polynomial through its values at Gauss-Lobatto nodes. It is a geodesic where the
-Euler-Lagrange equation of its energy holds at the inner nodes (orthogonal collocation),
-
-    d/ds (dT/dv) - dT/dq = 0,  T = v' G(q) v / 2.
-
-The progress along it over time is a cubic of the fraction u of the duration, 0 to 1, whose rates at
-the ends are estimated: between 0 and 3 each, it never moves backwards.
-"""
+"""A recording's contribution to the program of a fit: its segments, with initial predictions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
+from typing import get_args
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import legendre
+import scipy.sparse
 
-from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.blocks import Block, Terms
+from geodesic_ocp.arrays import Array, ShortRepr, as_integer
+from geodesic_ocp.blocks import Block
 from geodesic_ocp.cells import Cells, Indices
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.fitting.segment_terms import Cost, Measure, SegmentTerms
+from geodesic_ocp.logarithm.cubics import cubic
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.synergies.segment import segment
+from geodesic_ocp.synergies.segment_costs import Pair
 from geodesic_ocp.synergies.synergy import as_segments
-from geodesic_ocp.trajectory.grid import Grid
-
-Measure = Literal["joint", "position"]
 
 # Shorter or smaller motions do not determine the shape of a path.
 _MIN_SAMPLES, _MIN_RANGE = 4, 0.05  # [rad or m]
 MAX_END_RATE = 3.0  # of the progress along the path, per duration: up to here it is monotone
 DEVIATION = 0.01  # standard deviation of the error that serves as its unit [rad or m]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SegmentTerms(ShortRepr):
-    """Squared errors and geodesic equations of one segment.
-
-    Attributes:
-        metric: metric with the symbols `theta` as parameters.
-        theta: (p, 1).
-        model: model whose hand is compared where the measure is "position".
-        measure: what is compared with the observation.
-        grid: grid of the nodes.
-    """
-
-    metric: Metric
-    theta: ca.SX
-    model: Model
-    measure: Measure
-    grid: Grid
-    _shown = ("measure", "grid")
-
-    @property
-    def dim(self) -> int:
-        """Number n of joints."""
-        return self.metric.dim
-
-    @property
-    def num_nodes(self) -> int:
-        """Number of values of a path, n (degree + 1)."""
-        return self.dim * self.grid.size
-
-    @property
-    def num_equations(self) -> int:
-        """Number of equations of a path, n (degree - 1)."""
-        return self.dim * (self.grid.size - 2)
-
-    @cached_property
-    def equation(self) -> Terms:
-        """The Euler-Lagrange equation's left side over scales (n,), in (q, v, a) and theta."""
-        q, v, a, scales = (ca.SX.sym(name, self.dim) for name in ("q", "v", "a", "scales"))
-        energy = self.metric._energy(q, v)
-        momentum = ca.gradient(energy, v)
-        force = ca.jtimes(momentum, v, a) + ca.jtimes(momentum, q, v) - ca.gradient(energy, q)
-        state = ca.vertcat(q, v, a, self.theta)
-        return Terms(state, scales, constraints=ca.cse(ca.densify(force)) / scales)
-
-    @cached_property
-    def sample(self) -> Terms:
-        """Half the squared error at a sample, in the path's values and the rates at its ends.
-
-        Parameters are the fraction u and the observation: a configuration, or the hand's position.
-        """
-        x, u = ca.SX.sym("x", self.num_nodes + 2), ca.SX.sym("u")
-        nodes, start, end = ca.vertsplit(x, [0, self.num_nodes, self.num_nodes + 1, x.numel()])
-        progress = start * u + (3 - 2 * start - end) * u**2 + (start + end - 2) * u**3
-        q = ca.reshape(nodes, self.dim, self.grid.size) @ self._interpolation(progress)
-        predicted = q if self.measure == "joint" else self.model.hand_pose(q)[1]
-        observed = ca.SX.sym("y", predicted.shape[0])
-        return Terms(x, ca.vertcat(u, observed), ca.sumsqr(predicted - observed) / 2)
-
-    def _interpolation(self, s: ca.SX) -> ca.SX:
-        """Return values (nodes, 1) at s of the Lagrange polynomials of the nodes."""
-        degree, z = self.grid.degree, 2 * s - 1
-        inverse = np.linalg.inv(legendre.legvander(2.0 * self.grid.nodes - 1.0, degree))
-        values = [ca.SX(1), z]
-        for k in range(1, degree):  # the recurrence of Legendre's polynomials
-            values.append(((2 * k + 1) * z * values[k] - k * values[k - 1]) / (k + 1))
-        return ca.SX(inverse.T) @ ca.vertcat(*values)
+TIME = 0.1  # [s] in which the costs of a mixture are about equal
+_LEAST_DEGREE, _MOST_DEGREE = 5, 14  # beyond, powers of the time are ill-conditioned
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,24 +42,26 @@ class RecordingPart(ShortRepr):
         recording: their motion.
         every: (start, stop) sample indices of all segments of the recording.
         segments: segments of those that move.
-        nodes: (count, degree + 1, n), initial paths at the nodes of the grid.
-        end_rates: (count, 2), initial rates of progress at the ends, per duration.
+        coefficients: (count, num_nodes, n), initial coefficients of q, w and p.
+        end_rates: (count, 2), initial rates of progress at the ends, per duration; or (count, 0).
         samples: configurations (k, n) of all samples.
         fractions: (k,) of the duration of its segment at which a sample was taken.
         owners: (k,) index of its segment.
         scales: (count, n), of the equation of motion of each joint.
+        units: (count, costs), of the costs.
     """
 
     terms: SegmentTerms
     recording: Recording
     every: list[tuple[int, int]]
     segments: list[tuple[int, int]]
-    nodes: Array
+    coefficients: Array
     end_rates: Array
     samples: Array
     fractions: Array
     owners: Indices
     scales: Array
+    units: Array
     _shown = ("segments", "every")
 
     @property
@@ -141,34 +69,94 @@ class RecordingPart(ShortRepr):
         """Number of segments that are fitted."""
         return len(self.segments)
 
-    def errors(self, first: int, weight: ca.MX | float) -> Block:
-        """Return half the mean squared error of the samples, relative, with a weight.
+    def errors(self, first: int, weights: ca.MX | None = None) -> Block:
+        """Return half the mean squared error of the samples, relative.
 
         Args:
             first: index of the first of the variables.
-            weight: a number, or an expression in the program's parameters.
+            weights: of the segments, expressions in the program's parameters (count, 1).
         """
         terms, data = self.terms, self.samples
         if terms.measure == "position":
             data = terms.model.hand_pose(data)[1]
-        size = terms.sample.size
-        places = first + np.arange(size * self.count).reshape(self.count, size)
-        share = ca.DM.ones(len(data), 1) / (len(data) * DEVIATION**2)
+        places = first + terms.num_x * np.arange(self.count)[:, None] + np.arange(terms.sample.size)
+        share: ca.MX | ca.DM = ca.DM.ones(len(data), 1) / (len(data) * DEVIATION**2)
+        if weights is not None:
+            share = share * weights[self.owners.tolist(), 0]
         values = np.column_stack([self.fractions, data])
-        return Block(terms.sample, places, values, weights=share * weight, groups=self.owners)
+        return Block(terms.sample, places, values, weights=share, groups=self.owners)
 
     def equations(self, first: int, units: Array) -> Block:
-        """Get the geodesic equations, which also depend on the parameters, in their units (p,)."""
-        terms, grid = self.terms, self.terms.grid
-        nodes = np.arange(terms.num_nodes).reshape(grid.size, terms.dim)
-        indices = first + terms.sample.size * np.arange(self.count)[:, None, None] + nodes
-        slopes = grid.differentiation[0]
-        rows = np.stack([np.eye(grid.size), slopes, slopes @ slopes], axis=1)[1:-1]
-        scales = np.repeat(self.scales, len(rows), axis=0)
-        zero = np.zeros(scales.shape)
-        one = np.tile(np.concatenate([np.ones(3 * terms.dim), units]), (len(scales), 1))
-        cells = Cells(indices, rows, tuple(range(units.size)))
-        return Block(terms.equation, cells, scales, zero, zero, units=(np.zeros(one.shape), one))
+        """Get the conditions of stationarity, which also depend on the parameters, in their units
+        (p,).
+        """
+        terms, points = self.terms, len(self.terms.table)
+        nodes = np.arange(terms.dim * terms.num_nodes).reshape(terms.num_nodes, terms.dim)
+        indices = first + terms.num_x * np.arange(self.count)[:, None, None] + nodes
+        values = np.repeat(np.hstack([self.scales, self.units]), points, axis=0)
+        sums = scipy.sparse.kron(scipy.sparse.eye_array(self.count), terms.sums)
+        zero = np.zeros(sums.shape[0])
+        size = terms.derivatives.size
+        one = np.tile(np.append(np.ones(size - units.size), units), (len(values), 1))
+        return Block(
+            *(terms.derivatives, Cells(indices, terms.table, tuple(range(units.size)))),
+            *(values, zero, zero),
+            units=(np.zeros(one.shape), one),
+            sums=scipy.sparse.csr_array(sums),
+        )
+
+
+def observe_all(
+    recordings: Recording | Sequence[Recording],
+    metric: Callable[[Model], Metric],
+    symbolic: Callable[[Model], Metric],
+    theta: ca.SX,
+    weights: Mapping[Cost, ca.SX | float],
+    measure: Measure,
+    degree: int,
+    segments: Sequence[Sequence[Pair]] | None,
+    rule: Mapping[str, float],
+    report: Progress,
+) -> tuple[RecordingPart, ...]:
+    """Return the segments of all recordings; those of one model share their terms.
+
+    Args:
+        recordings: recordings of one or more persons.
+        metric: metric of a model with the parameters' initial values.
+        symbolic: the same with the symbols theta.
+        theta: (p, 1).
+        weights: of the costs, numbers or expressions in theta.
+        measure: what is compared.
+        degree: degree of the polynomials.
+        segments: of each recording; None: those of `segment` by the rule.
+        rule: arguments of `segment`.
+        report: called with the current step, the amount done, and the total.
+
+    Raises:
+        ValueError: wrong recordings, measure, degree or segments.
+    """
+    listed = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    if not listed or not all(isinstance(each, Recording) for each in listed):
+        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    if len({each.model.dof for each in listed}) > 1:
+        raise ValueError("the models of all recordings must have the same number of joints")
+    if segments is not None and len(segments) != len(listed):
+        raise ValueError(f"segments must be given for each of {len(listed)} recordings")
+    if measure not in get_args(Measure):
+        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    if as_integer("degree", degree, _LEAST_DEGREE) > _MOST_DEGREE:
+        raise ValueError(f"degree must be {_LEAST_DEGREE} to {_MOST_DEGREE}, got {degree}")
+    terms: dict[int, SegmentTerms] = {}
+    parts = []
+    for number, recording in enumerate(listed):
+        report("preparing recordings", number, len(listed))
+        model = recording.model
+        if id(model) not in terms:
+            terms[id(model)] = SegmentTerms(symbolic(model), theta, model, measure, degree, weights)
+        initial = metric(model)
+        cuts = segment(initial, recording.motion, **rule) if segments is None else segments[number]
+        parts.append(observe(recording, initial, cuts, terms[id(model)]))
+    return tuple(parts)
 
 
 def observe(
@@ -185,7 +173,7 @@ def observe(
     Raises:
         ValueError: the segments do not cover the motion, or none moves enough to be fitted.
     """
-    motion, at = recording.motion, terms.grid.nodes
+    motion = recording.motion
     every = as_segments(motion, segments)
     kept = [
         (start, stop)
@@ -198,21 +186,33 @@ def observe(
             f"{recording.name or 'recording'}: none of its {len(every)} segments has "
             f"{_MIN_SAMPLES} samples and moves by {_MIN_RANGE:g} rad"
         )
-    nodes, rates, scales = [], [], []
+    velocity = np.asarray(motion.velocity)
+    coefficients, rates, scales, units = [], [], [], []
     for start, stop in kept:
+        duration = motion.time[stop] - motion.time[start]
         q0, q1 = motion.q[start], motion.q[stop]
-        try:
-            path = geodesic(metric, q0, q1)(at)
-        except (NotConverged, ValueError):
-            path = q0 + at[:, None] * (q1 - q0)
-        nodes.append(path)
+        v0, v1 = duration * velocity[[start, stop]]
+        ends = np.stack([q0, v0, q1, v1])
         tensor = metric.matrix((q0 + q1) / 2.0)
-        vectors = np.stack([q1 - q0, *np.asarray(motion.velocity)[[start, stop]]])
-        length, *speeds = np.sqrt(np.einsum("ki,ij,kj->k", vectors, tensor, vectors))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = np.array(speeds) * (motion.time[stop] - motion.time[start]) / length
-        rates.append(np.clip(np.nan_to_num(ratios, posinf=1.0), 0.05, MAX_END_RATE - 0.05))
+        inertia = np.trace(tensor) / terms.dim
+        path, ratios = _guess(metric, terms, ends), np.zeros(0)
+        if terms.is_geodesic:
+            vectors = np.stack([q1 - q0, v0, v1])
+            length, *speeds = np.sqrt(np.einsum("ki,ij,kj->k", vectors, tensor, vectors))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratios = np.nan_to_num(np.array(speeds) / length, posinf=1.0)
+        rates.append(np.clip(ratios, 0.05, MAX_END_RATE - 0.05))
+        coefficients.append(terms.coefficients(metric, path, ends[terms.given]))
         scales.append(np.diag(tensor) * max(np.abs(np.diff(path, axis=0)).sum(axis=0).max(), 1e-3))
+        square = (duration / TIME) ** 2
+        of_costs = dict(
+            zip(
+                get_args(Cost),
+                (square, 1.0, 1.0 / (inertia * square), inertia / square),
+                strict=True,
+            )
+        )
+        units.append([1.0 if len(terms.weights) == 1 else of_costs[name] for name in terms.weights])
     rows = [np.arange(start, stop + 1) for start, stop in kept]
     times = [motion.time[each] for each in rows]
     return RecordingPart(
@@ -220,10 +220,28 @@ def observe(
         recording,
         every,
         kept,
-        np.array(nodes),
+        np.array(coefficients),
         np.array(rates),
         motion.q[np.concatenate(rows)],
         np.concatenate([(each - each[0]) / (each[-1] - each[0]) for each in times]),
         np.repeat(np.arange(len(kept)), [each.size for each in rows]),
         np.array(scales),
+        np.array(units),
     )
+
+
+def _guess(metric: Metric, terms: SegmentTerms, ends: Array) -> Array:
+    """Return the geodesic or the Riemannian cubic between the ends at the points, (points, n).
+
+    Where there is none, that of a constant metric.
+    """
+    s = terms.basis.rule[0]
+    try:
+        if terms.is_geodesic:
+            return geodesic(metric, ends[0], ends[2])(s)
+        q0, v0, q1, v1 = ends
+        return cubic(metric, q0, v0, q1, v1, 1.0)(s)
+    except (NotConverged, ValueError):
+        if terms.is_geodesic:
+            return np.asarray(ends[0] + s[:, None] * (ends[2] - ends[0]))
+        return terms.basis.values(s)[:4].T @ ends

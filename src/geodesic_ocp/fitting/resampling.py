@@ -13,11 +13,15 @@ from geodesic_ocp.arrays import Array, ShortRepr, as_integer
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
+from geodesic_ocp.synergies.second_order import riemannian_cubics
 from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.tables import markdown, new_table
+from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -39,18 +43,22 @@ def separate_fits(
         ValueError: by is neither "recording" nor "subject".
         NotConverged: Ipopt did not find a solution.
     """
-    report, units, found = progress or no_progress, _units(fit, by), {}
+    report, units, found = progress or no_progress, units_of(fit.recordings, by), {}
     for number, (unit, members) in enumerate(units.items()):
         report(f"fitting each {by}", number, len(units))
         found[unit] = refit(fit, members)
     return found
 
 
-def _units(fit: MetricFit, by: str) -> dict[str, list[int]]:
-    """Return indices of the recordings of each recording or subject, by its label."""
-    labels = [each.subject for each in fit.recordings]
+def units_of(recordings: Sequence[Recording], by: str) -> dict[str, list[int]]:
+    """Return indices of the recordings of each recording or subject, by its label.
+
+    Raises:
+        ValueError: by is neither "recording" nor "subject".
+    """
+    labels = [each.subject for each in recordings]
     if by == "recording":
-        names = [each.name or "recording" for each in fit.recordings]
+        names = [each.name or "recording" for each in recordings]
         labels = [
             f"{name} ({number + 1})" if names.count(name) > 1 else name
             for number, name in enumerate(names)
@@ -82,8 +90,9 @@ class LeftOut:
         name: name of the recording.
         subject: its subject.
         values: estimates from the recordings that were not left out.
-        errors: errors of the geodesics with these parameters (`reconstruct`).
-        straight_lines: errors of straight lines on the same segments.
+        errors: errors of the geodesics (`reconstruct`) or cubics with these parameters.
+        straight_lines: errors of straight lines on the same segments; with cubics, of those of a
+            constant metric, minimum acceleration.
     """
 
     name: str
@@ -111,9 +120,14 @@ class CrossValidation(ShortRepr):
         return markdown(self.table())
 
     def table(self) -> DataFrame:
-        """Return estimates without the recording, its errors, and those of straight lines."""
+        """Return estimates without the recording, its errors, and those of a constant metric."""
         kinds = ("joints [rad]", "hand [m]", "hand [rad]")
-        header = ("left out", *self.parameters, *kinds, *(f"lines: {kind}" for kind in kinds))
+        header = (
+            "left out",
+            *self.parameters,
+            *kinds,
+            *(f"constant metric: {kind}" for kind in kinds),
+        )
         rows: list[tuple[str | int | float, ...]] = []
         for each in self.left_out:
             own, lines = (
@@ -130,14 +144,14 @@ def leave_one_out(
 ) -> CrossValidation:
     """Estimate anew without each recording, or subject, and predict it.
 
-    Errors are those of `reconstruct` and `evaluate` on all segments of the recording, the same for
-    the geodesics and the straight lines.
+    Errors are those of `evaluate` on all segments of the recording, of the predictions of the fit
+    and of those in a constant metric: straight lines, or minimum acceleration.
 
     Raises:
         ValueError: fewer than two recordings or subjects.
         NotConverged: an estimation or a geodesic of a recording that was left out failed.
     """
-    report, units = progress or no_progress, _units(fit, by)
+    report, units = progress or no_progress, units_of(fit.recordings, by)
     if len(units) < 2:
         raise ValueError(f"leaving one {by} out needs at least two, got {len(units)}")
     results: list[tuple[int, LeftOut]] = []
@@ -149,12 +163,20 @@ def leave_one_out(
             recording, model = part.recording, part.recording.model
             motion, values = recording.motion, tuple(others.values.values())
             errors = [
-                motion_errors(model, motion, reconstruct(each, motion, part.every).predicted)
+                motion_errors(model, motion, _predicted(fit, each, motion, part.every))
                 for each in (others.metric(model), Euclidean(model.dof))
             ]
             results.append((index, LeftOut(recording.name, recording.subject, values, *errors)))
     left_out = tuple(each for _, each in sorted(results, key=lambda pair: pair[0]))
     return CrossValidation(by, tuple(each.name for each in fit.estimates), left_out)
+
+
+def _predicted(
+    fit: MetricFit, metric: Metric, motion: Motion, segments: Sequence[tuple[int, int]]
+) -> Motion:
+    if fit.curve == "geodesic":
+        return reconstruct(metric, motion, segments).predicted
+    return riemannian_cubics(metric, motion, segments)
 
 
 @shows_progress
@@ -188,30 +210,43 @@ def bootstrap_fit(
     Raises:
         ValueError: fewer than two units, or a number out of range.
     """
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
-    count = as_integer("count", count, 1)
-    units = _units(fit, by)
-    if len(units) < 2:
-        raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
-    rng = np.random.default_rng(as_integer("seed", seed, 0))
-    drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
-    weights = np.zeros((count, len(fit.recordings)))
-    for column, members in enumerate(units.values()):
-        weights[:, members] = drawn[:, [column]]
+    units = units_of(fit.recordings, by)
+    weights, tails = resampled([*units.values()], by, count, confidence, seed)
     if len(fit.estimates) == 1:
         estimates = minimizers(curve or error_profile(fit, progress=progress), weights)
     else:
         estimates = _newton_steps(fit, weights)
     # Nothing is known of parameters that the data do not determine.
     unknown = np.isinf([each.standard_error for each in fit.estimates])
-    tail = 50.0 * (1.0 - confidence)
-    low, high = np.percentile(estimates, [tail, 100.0 - tail], axis=0, method="nearest")
+    low, high = np.percentile(estimates, tails, axis=0, method="nearest")
     low, high = np.where(unknown, 0.0, low), np.where(unknown, np.inf, high)
     return tuple(
         ConfidenceInterval(each.name, float(a), float(b), confidence, by, len(units))
         for each, a, b in zip(fit.estimates, low, high, strict=True)
     )
+
+
+def resampled(
+    units: Sequence[Sequence[int]], by: str, count: int, confidence: float, seed: int
+) -> tuple[Array, tuple[float, float]]:
+    """Return how often each index is there where its units are drawn with replacement, (count, k),
+    and the percentiles of the interval.
+
+    Raises:
+        ValueError: fewer than two units, or a number out of range.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
+    count = as_integer("count", count, 1)
+    if len(units) < 2:
+        raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
+    rng = np.random.default_rng(as_integer("seed", seed, 0))
+    drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
+    weights = np.zeros((count, sum(map(len, units))))
+    for column, members in enumerate(units):
+        weights[:, members] = drawn[:, [column]]
+    tail = 50.0 * (1.0 - confidence)
+    return weights, (tail, 100.0 - tail)
 
 
 def minimizers(curve: ErrorProfile, weights: Array) -> Array:
