@@ -85,7 +85,7 @@ def test_cubics_to_poses_of_the_hand(seed: int) -> None:
 
 
 def test_splines_may_end_at_a_pose_at_an_optimal_time() -> None:
-    points = np.array([[0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.4, 0.1, -0.5, 1.0, 0.1, 0.0, 0.0]])
+    points = [[0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.4, 0.1, -0.5, 1.0, 0.1, 0.0, 0.0], None]
     position = ARM.hand_pose([0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1])[1]
     rest = {"v0": np.zeros(7), "v1": np.zeros(7), "position": position}
     found = go.spline(HUMAN, [0.0, 0.2, 0.8], points, **rest, time_bounds=(0.1, 0.7))
@@ -105,6 +105,7 @@ def test_splines_may_end_at_a_pose_at_an_optimal_time() -> None:
         ({"rotation": np.ones((3, 3))}, "rotation must be a rotation matrix"),
         ({"metric": Sphere(), "q0": [1.0, 1.0]}, "need a metric with a model"),
         ({"tension": -1.0}, r"tension must not be negative \[1/s\]"),
+        ({"tension": 1e6}, "tension must be at most 2000 /s"),
     ],
 )
 def test_malformed_ends_are_named(change: dict[str, Any], message: str) -> None:
@@ -125,3 +126,13 @@ def test_a_pose_out_of_reach_is_no_end() -> None:
 def test_malformed_bounds_are_named(bounds: Any) -> None:
     with pytest.raises(ValueError, match="time_bounds must"):
         go.spline(Sphere(), TIMES, POINTS, time_bounds=bounds)
+
+
+def test_splines_that_cannot_end_as_given_are_named() -> None:
+    with pytest.raises(ValueError, match="no times between the ends"):
+        go.spline(Sphere(), [0.0, 1.0], POINTS[:2], time_bounds=(0.0, 1.0))
+    with pytest.raises(ValueError, match="the last configuration is None"):
+        go.spline(HUMAN, [0.0, 1.0], np.zeros((2, 7)), position=[0.2, 0.3, -0.1])
+    near = [[0.0], [0.05], [1.0]]
+    with pytest.raises(go.NotConverged, match="as close as a tenth of the mean interval"):
+        go.spline(go.Euclidean(1), [0.0, 0.5, 1.0], near, time_bounds=(0.0, 1.0))

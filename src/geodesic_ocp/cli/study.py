@@ -43,9 +43,10 @@ def study(
         print(f"note: {note}")
     print(f"\n{text(found.means())}")
     tests = found.tests(measure, against)
-    for reference in set(tests["against"]):
-        print(f"\n{tested.header}, against {reference}")
-    print(f"\n{text(tests.drop(columns=['against', 'sign test p']))}")
+    references = tests["against"].unique()
+    one = references.size == 1
+    print(f"\n{tested.header}, {f'against {references[0]}' if one else 'paired tests'}")
+    print(f"\n{text(tests.drop(columns=['sign test p', *['against'] * one]))}")
     if found.synergies is not None and len(found.synergies):
         print(f"\n{text(found.synergy_statistics())}")
     if found.profiles is not None:

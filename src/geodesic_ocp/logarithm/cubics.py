@@ -23,6 +23,8 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.inverse_kinematics import inverse_kinematics
 
+_MOST = 2000.0  # tension times duration
+
 
 def cubic(
     metric: Metric,
@@ -61,7 +63,8 @@ def cubic(
         q0, q1: the ends (n,); q1 is None where the pose of the hand is given.
         v0, v1: velocities there (n,) [per s]; None leaves one free, so that D_t q' is zero there.
         duration: time from q0 to q1 [s].
-        position: of the hand (end-effector) at the end (3,) [m], in the base's frame.
+        position: of the hand (end-effector) at the end (3,) [m], in the base's frame; joint limits
+            are no condition, neither there nor on the way.
         rotation: of the hand at the end (3, 3).
         tension: weight of the speed [1/s].
 
@@ -87,7 +90,7 @@ def cubic(
 def spline(
     metric: Metric,
     times: ArrayLike,
-    configurations: Sequence[ArrayLike] | Array,
+    configurations: Sequence[ArrayLike | None] | Array,
     *,
     v0: ArrayLike | None = None,
     v1: ArrayLike | None = None,
@@ -110,7 +113,7 @@ def spline(
     Args:
         metric: metric of the manifold.
         times: increasing (k,) [s], at least two.
-        configurations: (k, n); (k - 1, n) where a pose of the hand is given at the last time.
+        configurations: (k, n); the last is None where a pose of the hand is given.
         v0, v1: velocities at the ends (n,) [per s]: zeros for rest, None for natural ends, at which
             D_t q' is zero.
         position: of the hand (end-effector) at the end (3,) [m], in the base's frame.
@@ -132,20 +135,27 @@ def spline(
         raise ValueError("times must be at least two increasing numbers")
     hand = _hand(metric, position, rotation)
     count = len(configurations) if hasattr(configurations, "__len__") else 0
-    if count != len(instants) - (hand is not None):
+    if count != len(instants):
         raise ValueError(
-            f"there must be one configuration for each time{' but the last' * (hand is not None)}, "
-            f"got {len(instants)} times and {count} configurations"
+            f"there must be one configuration for each time, got {len(instants)} times and "
+            f"{count} configurations"
+        )
+    if (configurations[-1] is None) != (hand is not None):
+        raise ValueError(
+            "the last configuration is None if a position or rotation of the hand is given there, "
+            "and only then"
         )
     bounds = None if time_bounds is None else _time_bounds(time_bounds, instants)
-    named = enumerate(configurations)
-    points = [metric.point(f"configurations[{i}]", q) for i, q in named]
+    named = enumerate(configurations[: count - (hand is not None)])
+    points = [metric.point(f"configurations[{i}]", q) for i, q in named if q is not None]
     return _spline(metric, instants, points, v0, v1, tension, hand, bounds)
 
 
 def _time_bounds(given: tuple[ArrayLike, ArrayLike], times: Array) -> Array:
     """Return bounds (2, k - 2) of the times between the ends."""
     inner = times[1:-1]
+    if not inner.size:
+        raise ValueError("time_bounds: there are no times between the ends")
     try:
         lower, upper = (np.broadcast_to(real_array(each), inner.shape) for each in given)
     except (TypeError, ValueError):
@@ -191,6 +201,12 @@ def _spline(
         pose = hand.position, hand.rotation
         points = [*points, inverse_kinematics(hand.model, points[-1], *pose, limits=False)]
     tension = as_not_negative("tension", tension, "1/s")
+    most = _MOST / float(times[-1] - times[0])
+    if tension > most:
+        raise ValueError(
+            f"tension must be at most {most:.4g} /s for this duration, got {tension:g}: beyond, "
+            "the curve is piecewise geodesic to a thousandth of the duration"
+        )
     named = ("v0", v0), ("v1", v1)
     velocities = [None if v is None else as_vector(name, v, metric.dim) for name, v in named]
     unit = float(np.diff(times).mean())

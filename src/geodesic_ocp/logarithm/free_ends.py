@@ -21,6 +21,7 @@ from geodesic_ocp.logarithm.spline_search import least_action
 from geodesic_ocp.manifold.metric import Metric
 
 _SHORTEST = 0.1  # interval between free times, of the mean one
+_ROUNDING = 1e-6
 _ITERATIONS, _DECREASE = 200, 1e-15
 _TOO_FAR = 1e6  # action where no spline was found, relative to that of the guess
 
@@ -51,6 +52,11 @@ class FreeSpline:
     def free_times(self) -> int:
         """Number of times that are optimal."""
         return 0 if self.bounds is None else len(self.times) - 2
+
+    @property
+    def _shortest(self) -> float:
+        """Least interval between free times, in the unit of time."""
+        return min(_SHORTEST, float(np.diff(self.times).min()) / 2.0)
 
     def at(self, z: Array) -> RiemannianSpline:
         """Return the spline with these inner times and this end."""
@@ -99,6 +105,11 @@ class FreeSpline:
         found = replace(found, is_free=is_free, hand=self.hand, time_bounds=self.bounds)
         residual = found.boundary_residual if self.hand is not None else 0.0
         if residual > BOUNDARY or sum(map(len, found.optimal_times)) < free:
+            if np.diff(found.times).min() <= self._shortest * (1.0 + _ROUNDING):
+                raise NotConverged(
+                    "no optimal times were found: knots come as close as a tenth of the mean "
+                    "interval; leave one of them out, or bound the times further apart"
+                )
             raise NotConverged(
                 "no optimal times or end were found: "
                 f"{outcome.message}, after {outcome.nit} iterations; the residual of the natural "
@@ -113,8 +124,7 @@ class FreeSpline:
         if free:
             differences = np.diff(np.eye(free + 2), axis=0)
             first, last = self.times[[0, -1]]
-            shortest = min(_SHORTEST, float(np.diff(self.times).min()) / 2.0)
-            offset = last * differences[:, -1] + first * differences[:, 0] - shortest
+            offset = last * differences[:, -1] + first * differences[:, 0] - self._shortest
             inner = np.hstack([differences[:, 1:-1], np.zeros((free + 1, size - free))])
             yield {"type": "ineq", "fun": lambda z: inner @ z + offset, "jac": lambda _: inner}
         if (hand := self.hand) is not None:

@@ -80,8 +80,8 @@ def least_action(
             if found is not None:
                 return found
     cause = singularity_along(metric, _between(times, knots)) or (
-        "the velocities are large for these configurations and times; give more configurations, "
-        "or other times"
+        "the ends are far apart or the velocities large for these times, or the curve passes near "
+        "a singularity; give more configurations, or other times"
     )
     raise NotConverged(f"no motion of least covariant acceleration was found: {cause}")
 

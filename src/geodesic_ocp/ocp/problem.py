@@ -167,7 +167,9 @@ class _Parameters:
             # CasADi fills matrices by columns, as ca.vec does above.
             values = self._numbers(name, limit).ravel(order="F")
             if values.size not in (1, size) or np.any(np.isnan(values)):
-                raise ValueError(f"{name}: a bound must be one number or {size}, got {limit!r}")
+                raise ValueError(
+                    f"{name}: a bound must be one number or {size}, not NaN, got {limit!r}"
+                )
             limits.append(np.broadcast_to(values, (size,)).copy())
         if np.any(limits[0] > limits[1]):
             raise ValueError(f"{name}: a lower bound lies above its upper bound")
