@@ -31,8 +31,8 @@ def as_expression(name: str, value: Any) -> ca.SX:
         return ca.SX(ca.vertcat(*rows) if rows else value)
     except (NotImplementedError, TypeError, RuntimeError) as error:
         raise ValueError(
-            f"{name} must be a matrix of CasADi expressions, or a list of rows: "
-            f"{str(error).splitlines()[0]}"
+            f"{name} must be a matrix of CasADi expressions, or a list of rows, got "
+            f"{type(value).__name__}"
         ) from error
 
 

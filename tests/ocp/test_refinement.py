@@ -98,6 +98,10 @@ def test_unattainable_tolerance_is_reported() -> None:
 def test_refinement_stops_at_wrong_tolerances_and_failures() -> None:
     with pytest.raises(ValueError, match="tolerance must be positive"):
         go.solve(PlaneAroundDisc(), tolerance=0.0)
+    with pytest.raises(ValueError, match="grid must be a Grid, got 8"):
+        go.solve(PlaneAroundDisc(), grid=8)  # type: ignore[call-overload]
+    with pytest.raises(ValueError, match="guess must be a Path or a Solution"):
+        go.solve(PlaneAroundDisc(), guess=np.zeros((3, 2)))  # type: ignore[call-overload]
     record = go.solve(PlaneAroundDisc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
     assert not record.stats.success
     assert len(record.stats.mesh_history) == 1

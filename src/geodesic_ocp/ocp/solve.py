@@ -132,6 +132,10 @@ def solve(
             raise NotConverged(f"{type(problem).__name__} was not solved: {own.status}", own)
         found: Solution = own
         return found
+    if not isinstance(grid, Grid | None):
+        raise ValueError(f"grid must be a Grid, got {grid!r}")
+    if not isinstance(guess, Path | Solution | None):
+        raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
     definition = problem.definition()
     first = definition.grid if grid is None else grid
     solver = _Solver(problem, definition, dict(ipopt or {}), callback)
