@@ -210,7 +210,9 @@ def test_motions_are_sampled_as_trajectories() -> None:
     np.testing.assert_allclose(trajectory.positions[-1], q1, atol=1e-8)
     between = np.array([0.1013, 0.2381])
     np.testing.assert_allclose(trajectory.states(between)[0], reach(between), atol=1e-7)
-    assert reach.to_motion(100.0).q.shape == (51, 7)
+    motion = reach.to_motion(100.0)
+    assert motion.q.shape == (51, 7)
+    assert np.array_equal(motion.velocity, reach(motion.time, 1))
 
 
 @pytest.mark.parametrize(

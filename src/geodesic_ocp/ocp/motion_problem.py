@@ -514,5 +514,8 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
 
     found, _ = in_rounds(parsed.first_guess(), solved, examined, _ROUNDS)
     if throw and not found.success:
-        raise NotConverged(f"{type(problem).__name__} was not solved: {found.status}", found)
+        amount, name = found.violation
+        is_new = amount > _VIOLATION and name not in found.status
+        worst = f"; {name} is violated by {amount:.2g}" if is_new else ""
+        raise NotConverged(f"{type(problem).__name__} was not solved: {found.status}{worst}", found)
     return found

@@ -60,9 +60,9 @@ class TimedMotion(ABC):
         return np.clip(instants, first, last)
 
     def to_motion(self, rate: float = 100.0) -> Motion:
-        """Return the motion sampled at a rate [Hz], rounded so that both ends are samples."""
+        """Return the motion with velocities, at a rate [Hz] such that both ends are samples."""
         time = self._sampled(rate)
-        return Motion(time, self(time), self._names)
+        return Motion(time, self(time), self._names, self(time, 1))
 
     def to_trajectory(self, rate: float = 100.0) -> JointTrajectory:
         """Return positions, velocities and accelerations sampled at a rate [Hz], for a robot."""
