@@ -43,10 +43,11 @@ def study(
         print(f"note: {note}")
     print(f"\n{text(found.means())}")
     tests = found.tests(measure, against)
-    references = tests["against"].unique()
-    one = references.size == 1
-    print(f"\n{tested.header}, {f'against {references[0]}' if one else 'paired tests'}")
-    print(f"\n{text(tests.drop(columns=['sign test p', *['against'] * one]))}")
+    references = list(tests["against"].unique())
+    hidden, kind = ["sign test p"], "paired tests"
+    if len(references) == 1:
+        hidden, kind = [*hidden, "against"], f"against {references[0]}"
+    print(f"\n{tested.header}, {kind}\n\n{text(tests.drop(columns=hidden))}")
     if found.synergies is not None and len(found.synergies):
         print(f"\n{text(found.synergy_statistics())}")
     if found.profiles is not None:
