@@ -17,7 +17,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import GeodesicOcpError, RecordingError
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
-from geodesic_ocp.fitting.resampling import minimizers
+from geodesic_ocp.fitting.resampling import minimizers, resampled
 from geodesic_ocp.manifold.metrics import FRACTION
 from geodesic_ocp.model.inertias import inertia_scale
 from geodesic_ocp.recordings.recording import Recording
@@ -132,11 +132,9 @@ def _interval(own: DataFrame, confidence: float, seed: int) -> tuple[float, floa
     count = curve.errors.shape[1]
     if count == 1:
         return np.nan, np.nan
-    random, tail = np.random.default_rng(seed), 50.0 * (1.0 - confidence)
-    weights = random.multinomial(count, np.full(count, 1.0 / count), size=_RESAMPLES)
-    ends = np.percentile(
-        minimizers(curve, weights.astype(float)), [tail, 100.0 - tail], method="nearest"
-    )
+    units = [[k] for k in range(count)]
+    weights, tails = resampled(units, "recording", _RESAMPLES, confidence, seed)
+    ends = np.percentile(minimizers(curve, weights), tails, method="nearest")
     return float(ends[0]), float(ends[1])
 
 
