@@ -19,7 +19,7 @@ from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordi
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import locked, result_key
 from geodesic_ocp.studies.sources import recording_sources
-from geodesic_ocp.studies.study_tables import key_of, read_table
+from geodesic_ocp.studies.study_tables import key_of, read_table, recording_rows
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
 
@@ -70,7 +70,10 @@ def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None
     second, noisy = (analysis.second_order_errors(unfiltered=of) for of in (False, True))
     errors_of = analysis.errors | {key_of(name): found for name, found in second.items()}
     before_of = analysis.errors_unfiltered | {key_of(name): noisy[name] for name in noisy}
-    assert [row["method"] for row in rows] == [*errors_of]
+    assert [row["method"] for row in rows] == [*analysis.errors]
+    every = recording_rows(analysis)
+    assert [row["method"] for row in every] == [*errors_of]
+    rows += [row | every[k] for k, row in enumerate(rows[-1:] * 4, len(rows))]
     for row in rows:
         method = str(row["method"])
         errors, before = errors_of[method], before_of[method]

@@ -139,7 +139,7 @@ def analyse_recordings(
             end of the recording's path, with or without its suffix.
         time_limit: time limit of a recording [s], after which its process is ended and it is left
             out; not with an executor.
-        fit: also compute how the error of each recording depends on the joint inertia
+        fit: also compute errors of cubics and splines, and how the error of each recording depends on the joint inertia
             (profiles.csv), for `StudyResult.joint_inertia`. It takes several times as long.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.

@@ -97,8 +97,11 @@ TABLES: dict[str, dict[str, Kind]] = {
 }
 
 
-def recording_rows(analysis: Analysis) -> list[Row]:
-    """Return one row for each method; errors of a method without geodesics are missing."""
+def recording_rows(analysis: Analysis, second_order: bool = True) -> list[Row]:
+    """Return one row for each method; errors of a method without geodesics are missing.
+
+    Those of second order are compiled anew for every person, which takes most of a second.
+    """
     motion, used = analysis.motion, analysis.motion.filter
     same: Row = {
         "samples": len(motion),
@@ -121,6 +124,8 @@ def recording_rows(analysis: Analysis) -> list[Row]:
         | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
         for method in (*analysis.errors, *analysis.not_found)
     ]
+    if not second_order:
+        return rows
     unfiltered = analysis.second_order_errors(unfiltered=True) if analysis.errors_unfiltered else {}
     for name, errors in analysis.second_order_errors().items():
         own: Row = {
