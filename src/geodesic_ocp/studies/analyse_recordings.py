@@ -139,8 +139,9 @@ def analyse_recordings(
             end of the recording's path, with or without its suffix.
         time_limit: time limit of a recording [s], after which its process is ended and it is left
             out; not with an executor.
-        fit: also compute errors of cubics and splines, and how the error of each recording depends on the joint inertia
-            (profiles.csv), for `StudyResult.joint_inertia`. It takes several times as long.
+        fit: also compute the errors of cubics and splines, and how that of each recording depends
+            on the joint inertia (profiles.csv), for `StudyResult.joint_inertia`. It takes several
+            times as long.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
