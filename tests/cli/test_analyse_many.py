@@ -65,6 +65,7 @@ def test_patterns_and_several_files(
     [
         ([], "several recordings need --out"),
         (["--curve", "--out", "out"], "--curve is of one recording"),
+        (["--effort", "--out", "out"], "effort: motions of least effort are part of a study"),
         (["--out", "out", "--scheduler", "tcp://a:1", "--jobs", "2"], "either --jobs"),
         (["--out", "out", "--scheduler", "tcp://a:1", "--time-limit", "2"], "not for --scheduler"),
         (["--out", "out", "--jobs", "0"], "jobs must be a positive integer"),

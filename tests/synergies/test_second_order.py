@@ -84,6 +84,8 @@ def test_an_analysis_tells_what_each_method_receives() -> None:
         "minimum acceleration",
         "Riemannian spline",
         "cubic spline",
+        "minimum jerk",
+        "minimum jerk of the hand",
     ]
     assert table["receives for a segment"].iloc[1] == "2 configurations, 2 velocities"
     errors = go.synergies.motion_errors(
@@ -92,6 +94,18 @@ def test_an_analysis_tells_what_each_method_receives() -> None:
     assert table["joints [rad]"].iloc[1] == errors.joint
     assert table["joints [rad]"].iloc[0] == analysis.table()["joints [rad]"].iloc[0]
     assert table["hand [m]"].iloc[1] == errors.position
+
+
+@pytest.mark.slow
+def test_motions_of_least_effort_are_predicted_when_asked_for() -> None:
+    analysis = go.analyse(ARM, wave(), segments=SEGMENTS)
+    usual, all_of_them = (set(analysis.second_order(effort=given).index) for given in (False, True))
+    assert all_of_them - usual == {
+        *("least torque", "least torque change", "least work", "least work and acceleration")
+    }
+    torque = analysis.second_order_predictions(effort=True)["least torque"]
+    cubics = analysis.second_order_predictions()["Riemannian cubics"]
+    assert np.abs(torque.q - cubics.q).max() > 1e-3
 
 
 def test_knots_of_a_spline_are_found_again() -> None:

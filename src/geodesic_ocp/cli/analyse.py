@@ -71,7 +71,8 @@ def analyse(
     recording = Path(file[0])
     for each in each_side(side):
         folder = out / each if out is not None and side == "both" else out
-        save_analysis(analyse_file(recording, each, analysis, folder), folder, with_curve=curve)
+        found = analyse_file(recording, each, analysis, folder)
+        save_analysis(found, folder, with_curve=curve, effort=analysis.effort)
         if side == "both":
             print()
     named = f"{shlex.quote(str(recording))} --side {side}"
@@ -109,17 +110,22 @@ def analyse_file(
     return _analysed(recording, settings, str(file))
 
 
-def save_analysis(analysis: Analysis, folder: Path | None, *, with_curve: bool = False) -> None:
+def save_analysis(
+    analysis: Analysis, folder: Path | None, *, with_curve: bool = False, effort: bool = False
+) -> None:
     """Write the analysis to a folder, if one is given, and print the names of the files.
 
     Args:
         analysis: the analysis.
         folder: folder for the files.
         with_curve: also compute the curve of the error against the number of synergies.
+        effort: also write the errors of motions of least effort.
     """
     comparison = _error_curve(analysis) if with_curve else None
     if folder is not None:
-        written = analysis.save(folder, curve=comparison.draw if comparison else None)
+        written = analysis.save(
+            folder, curve=comparison.draw if comparison else None, effort=effort
+        )
         if comparison is not None:
             written += comparison.save(folder / "curve")
         print()
@@ -220,7 +226,7 @@ def _summarize(
     )
     kind = "filtered" if motion.filter else "observed" if fit is None else "fitted"
     print(f"\nmean errors against the {kind} recording\n\n{text(analysis.table())}")
-    second = text(analysis.second_order())
+    second = text(analysis.second_order(effort=settings.effort))
     print(f"\nthe same segments with velocities at their ends, or as splines\n\n{second}")
     if analysis.errors_unfiltered:  # not without a filter
         table = analysis.table(unfiltered=True)

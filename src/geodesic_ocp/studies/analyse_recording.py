@@ -200,7 +200,7 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
         "settings": settings.record(),
         "own_subject": motion.subject.name,
         "probes": _probes(motion),
-        "recordings": [same | row for row in recording_rows(analysis, task.fit)],
+        "recordings": [same | row for row in recording_rows(analysis, task.fit, settings.effort)],
         "synergies": [own | row for row in synergy_rows(analysis)],
     }
     if task.fit:

@@ -139,9 +139,9 @@ def analyse_recordings(
             end of the recording's path, with or without its suffix.
         time_limit: time limit of a recording [s], after which its process is ended and it is left
             out; not with an executor.
-        fit: also compute the errors of cubics and splines, and how that of each recording depends
-            on the joint inertia (profiles.csv), for `StudyResult.joint_inertia`. It takes several
-            times as long.
+        fit: also compute the errors of cubics, splines and minimum jerk, and how that of each
+            recording depends on the joint inertia (profiles.csv), for `StudyResult.joint_inertia`.
+            It takes several times as long.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
@@ -168,6 +168,8 @@ def analyse_recordings(
     sources = recording_sources(
         paths, sides, recursive=recursive, pattern=subject_pattern, table=subjects
     )
+    if settings.effort and not fit:
+        raise ValueError("effort: motions of least effort are part of a study: set fit (--study)")
     start = time.perf_counter()
     folder = Path(os.path.abspath(out))
     own = {folder / f"{name}.csv" for name in TABLES}  # of a run in the recordings' folder

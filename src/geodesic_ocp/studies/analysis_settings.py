@@ -59,6 +59,8 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
         spacing: time between possible cuts of optimal segments [s], which then move to the best
             sample nearby.
         max_duration: duration of the longest optimal segment [s].
+        effort: also predict motions of least torque, torque change and work, which takes seconds
+            for a recording; of many recordings in a study alone.
 
     Raises:
         ValueError: a setting out of range, or settings that exclude each other.
@@ -82,6 +84,7 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
     measure: Measure = "joint"
     spacing: float = 0.05
     max_duration: float = 2.0
+    effort: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

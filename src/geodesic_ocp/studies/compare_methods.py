@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING, Literal
@@ -19,26 +19,12 @@ from geodesic_ocp.progress import Progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.studies.paired_test import PairedTest, paired_test
-from geodesic_ocp.synergies.baselines import (
-    distal_inertia,
-    distal_joints,
-    minimum_jerk,
-    minimum_jerk_hand,
-)
-from geodesic_ocp.synergies.least_effort import (
-    LeastTorque,
-    LeastTorqueChange,
-    LeastWork,
-    LeastWorkAndAcceleration,
-    ThroughStates,
-    least_effort,
-)
+from geodesic_ocp.synergies.baselines import distal_inertia, distal_joints
 from geodesic_ocp.synergies.scores import SCORES, Scores, score
-from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, TWO_STATES
+from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, second_order_names
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.synergy import as_segments, reconstruct
 from geodesic_ocp.tables import markdown, new_table
-from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -205,40 +191,6 @@ class MethodComparison:
 
 
 _Segments = Sequence[tuple[int, int]]
-_Method = Callable[[Metric, Recording, _Segments], Motion]
-
-
-def _of_motion(predict: Callable[[Metric, Motion, _Segments], Motion]) -> _Method:
-    return lambda metric, given, segments: predict(metric, given.motion, segments)
-
-
-# Other predictions, from the first metric or from none, and what they receive.
-_OTHERS: dict[str, tuple[_Method, str]] = {
-    **{name: (_of_motion(each.predict), each.receives) for name, each in SECOND_ORDER.items()},
-    "minimum jerk": (
-        lambda _, given, segments: minimum_jerk(given.motion, segments),
-        "2 configurations, 2 velocities, 2 accelerations",
-    ),
-    "minimum jerk of the hand": (
-        lambda _, given, segments: minimum_jerk_hand(given.model, given.motion, segments),
-        "1 configuration, 2 hand poses, velocities, accelerations",
-    ),
-}
-_SLOW: dict[str, tuple[type[ThroughStates], str]] = {
-    "least torque": (LeastTorque, TWO_STATES),
-    "least torque change": (LeastTorqueChange, f"{TWO_STATES}; torques continuous"),
-    "least work": (LeastWork, TWO_STATES),
-    "least work and acceleration": (LeastWorkAndAcceleration, TWO_STATES),
-}
-
-
-def _effort(kind: type[ThroughStates]) -> _Method:
-    return lambda metric, given, segments: least_effort(
-        kind, metric, given.model, given.motion, segments
-    )
-
-
-_ALL = _OTHERS | {name: (_effort(kind), received) for name, (kind, received) in _SLOW.items()}
 
 
 @shows_progress
@@ -297,11 +249,11 @@ def compare_methods(
     if not recordings or not all(isinstance(each, Recording) for each in recordings):
         raise ValueError("recordings must be one or more of go.recordings.Recording")
     metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
-    if same := metrics.keys() & _ALL.keys():
+    if same := metrics.keys() & SECOND_ORDER.keys():
         raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")
-    others = tuple(_OTHERS if methods is None else methods)
-    if isinstance(methods, str) or not _ALL.keys() >= set(others):
-        raise ValueError(f"methods must be some of {', '.join(_ALL)}, got {methods!r}")
+    others = tuple(second_order_names(effort=False) if methods is None else methods)
+    if isinstance(methods, str) or not SECOND_ORDER.keys() >= set(others):
+        raise ValueError(f"methods must be some of {', '.join(SECOND_ORDER)}, got {methods!r}")
     methods = (*metrics, *dict.fromkeys(others))
     total, done = len(recordings) * (len(methods) + 1), 0
 
@@ -331,7 +283,8 @@ def compare_methods(
                     predicted = reconstruct(its_metric, recording.motion, pieces).predicted
                 else:
                     first = metric(methods[0], recording.model)
-                    predicted = _ALL[method][0](first, recording, pieces)
+                    predict = SECOND_ORDER[method].predict
+                    predicted = predict(first, recording.model, recording.motion, pieces)
                 scores[method].append(score(recording.model, recording.motion, predicted, pieces))
             except GeodesicOcpError as failure:
                 reason = str(failure).partition("\n")[0]
@@ -344,7 +297,7 @@ def compare_methods(
         subjects=tuple(recording.subject for recording in recordings),
         methods=methods,
         segments=tuple(tuple(pieces) for pieces in cuts),
-        observed={method: _ALL.get(method, ((), OF_A_GEODESIC))[1] for method in methods},
+        observed={m: OF_A_GEODESIC if m in metrics else SECOND_ORDER[m].receives for m in methods},
         scores={method: tuple(scores[method]) for method in methods},
         failures=tuple(failures),
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib.util import find_spec
 from math import isfinite
 from os import PathLike
@@ -97,7 +98,9 @@ TABLES: dict[str, dict[str, Kind]] = {
 }
 
 
-def recording_rows(analysis: Analysis, second_order: bool = True) -> list[Row]:
+def recording_rows(
+    analysis: Analysis, second_order: bool = True, effort: bool = False
+) -> list[Row]:
     """Return one row for each method; errors of a method without geodesics are missing.
 
     Those of second order are compiled anew for every person, which takes most of a second.
@@ -126,8 +129,9 @@ def recording_rows(analysis: Analysis, second_order: bool = True) -> list[Row]:
     ]
     if not second_order:
         return rows
-    unfiltered = analysis.second_order_errors(unfiltered=True) if analysis.errors_unfiltered else {}
-    for name, errors in analysis.second_order_errors().items():
+    errors_of = partial(analysis.second_order_errors, effort=effort)
+    unfiltered = errors_of(unfiltered=True) if analysis.errors_unfiltered else {}
+    for name, errors in errors_of().items():
         own: Row = {
             "method": key_of(name),
             "method_label": name,

@@ -38,7 +38,7 @@ from geodesic_ocp.recordings.recording import check_plausible
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
-from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER
+from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, second_order_names
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
 from geodesic_ocp.synergies.synergy import (
     Reconstruction,
@@ -160,44 +160,62 @@ class Analysis:
         hands = [(hand.position, hand.orientation) for hand in errors.hands or [errors]]
         return [errors.joint, *chain(*hands)]
 
-    def second_order(self) -> DataFrame:
-        """Return mean errors of cubics and splines on the same segments, beside the geodesics.
+    def second_order(self, *, effort: bool = False) -> DataFrame:
+        """Return mean errors of other predictions on the same segments, beside the geodesics.
 
         Riemannian cubics and splines are those of the metric; minimum acceleration and cubic
-        splines are their counterparts in a constant metric. Each row says what it receives for a
-        segment, besides the duration. Takes some ms for a segment.
+        splines are their counterparts in a constant metric; then minimum jerk, of the joints and of
+        the hand. Each row says what it receives for a segment, besides the duration. Takes some ms
+        for a segment.
+
+        Args:
+            effort: also motions of least torque, torque change and work, with the inertia of the
+                metric, which take seconds each.
         """
-        errors = self.second_order_errors()
+        errors = self.second_order_errors(effort=effort)
         own = self._entries(self.errors["riemannian"])
         rows: list[tuple[object, ...]] = [(self.labels()["riemannian"], OF_A_GEODESIC, *own)]
-        rows += [(k, each.receives, *self._entries(errors[k])) for k, each in SECOND_ORDER.items()]
+        rows += [(k, SECOND_ORDER[k].receives, *self._entries(e)) for k, e in errors.items()]
         lacking = ", ".join(name for name, found in errors.items() if found is None)
         note = f"Not found: {lacking}." if lacking else ""
         return new_table(("method", "receives for a segment", *self._columns), rows, note)
 
-    def second_order_errors(self, *, unfiltered: bool = False) -> dict[str, MotionErrors | None]:
+    def second_order_errors(
+        self, *, unfiltered: bool = False, effort: bool = False
+    ) -> dict[str, MotionErrors | None]:
         """Return mean errors by the names in `second_order`; None for what was not found.
 
         Args:
             unfiltered: against the unfiltered motion, if it is known.
+            effort: see `second_order`.
         """
         seen = self.motion
         if unfiltered and seen.unfiltered is not None:
             seen = Motion(seen.time, seen.unfiltered, seen.joint_names)
-        known = self.second_order_predictions
+        known = self.second_order_predictions(effort=effort)
         return {
             name: motion_errors(self.model, seen, known[name]) if name in known else None
-            for name in SECOND_ORDER
+            for name in second_order_names(effort)
         }
 
+    def second_order_predictions(self, *, effort: bool = False) -> Mapping[str, Motion]:
+        """Return the predictions on the same segments, by the names in `second_order`.
+
+        Args:
+            effort: see `second_order`.
+        """
+        known = self._predicted_at_second_order
+        for name in second_order_names(effort):
+            if name not in known:
+                predict, known[name] = SECOND_ORDER[name].predict, None
+                with suppress(NotConverged):
+                    known[name] = predict(self.metric, self.model, self.motion, self.segments)
+        return {name: found for name, found in known.items() if found is not None}
+
     @cached_property
-    def second_order_predictions(self) -> Mapping[str, Motion]:
-        """Cubics and splines on the same segments, by the names in `second_order`."""
-        found = {}
-        for name, each in SECOND_ORDER.items():
-            with suppress(NotConverged):
-                found[name] = each.predict(self.metric, self.motion, self.segments)
-        return found
+    def _predicted_at_second_order(self) -> dict[str, Motion | None]:
+        """Predictions that have been computed, None for what was not found."""
+        return {}
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
@@ -268,7 +286,11 @@ class Analysis:
         return figure
 
     def save(
-        self, folder: str | FilePath, *, curve: Callable[[Axes], object] | None = None
+        self,
+        folder: str | FilePath,
+        *,
+        curve: Callable[[Axes], object] | None = None,
+        effort: bool = False,
     ) -> list[FilePath]:
         """Write table and second_order (.csv, .md), figure (.png, .pdf) and synergies.json.
 
@@ -278,6 +300,7 @@ class Analysis:
         Args:
             folder: is made if there is none.
             curve: curve of the figure, see `plot`.
+            effort: see `second_order`.
 
         Returns:
             The files' paths.
@@ -285,10 +308,12 @@ class Analysis:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, partial(self._write, curve))
+        return write_together(folder, partial(self._write, curve, effort))
 
-    def _write(self, curve: Callable[[Axes], object] | None, folder: FilePath) -> None:
-        tables = {"table": self.table(), "second_order": self.second_order()}
+    def _write(
+        self, curve: Callable[[Axes], object] | None, effort: bool, folder: FilePath
+    ) -> None:
+        tables = {"table": self.table(), "second_order": self.second_order(effort=effort)}
         if self.errors_unfiltered:
             tables["table_unfiltered"] = self.table(unfiltered=True)
         save_tables(folder, tables)

@@ -1,8 +1,9 @@
-"""Second-order predictions of a recorded motion: Riemannian cubics and splines, cubic splines."""
+"""Predictions of a recorded motion of second and higher order: cubics, splines, least effort."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,16 @@ from scipy.interpolate import CubicSpline
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.logarithm.cubics import cubic, spline
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.synergies.baselines import minimum_acceleration
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.synergies.baselines import minimum_acceleration, minimum_jerk, minimum_jerk_hand
+from geodesic_ocp.synergies.least_effort import (
+    LeastTorque,
+    LeastTorqueChange,
+    LeastWork,
+    LeastWorkAndAcceleration,
+    ThroughStates,
+    least_effort,
+)
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.motion import Motion
@@ -86,23 +96,56 @@ def _like(motion: Motion, q: Array, velocity: Array) -> Motion:
 
 
 OF_A_GEODESIC = "2 configurations, 2 speeds"
-TWO_STATES = "2 configurations, 2 velocities"
+_TWO_STATES = "2 configurations, 2 velocities"
 _KNOTS = "1 configuration; 2 velocities of the recording"
+_Segments = Sequence[tuple[int, int]]
 
 
 class SecondOrder(NamedTuple):
-    """A second-order prediction, what it receives for a segment, and its flat counterpart."""
+    """A prediction of second or higher order.
 
-    predict: Callable[[Metric, Motion, Sequence[tuple[int, int]]], Motion]
+    Attributes:
+        predict: gives the motion for a metric, a model, the observed motion and its segments.
+        receives: what it receives for a segment, besides the duration.
+        counterpart: name of what receives the same and needs neither metric nor model, if any.
+        is_slow: whether it takes seconds for a recording.
+    """
+
+    predict: Callable[[Metric, Model, Motion, _Segments], Motion]
     receives: str
     counterpart: str | None = None
+    is_slow: bool = False
+
+
+def _effort(kind: type[ThroughStates], receives: str = _TWO_STATES) -> SecondOrder:
+    return SecondOrder(partial(least_effort, kind), receives, _FLAT_CUBIC, True)
 
 
 _FLAT_CUBIC, _FLAT_SPLINE = "minimum acceleration", "cubic spline"
 # By their names in tables.
 SECOND_ORDER = {
-    "Riemannian cubics": SecondOrder(riemannian_cubics, TWO_STATES, _FLAT_CUBIC),
-    _FLAT_CUBIC: SecondOrder(lambda _, *given: minimum_acceleration(*given), TWO_STATES),
-    "Riemannian spline": SecondOrder(riemannian_spline, _KNOTS, _FLAT_SPLINE),
-    _FLAT_SPLINE: SecondOrder(lambda _, *given: cubic_spline(*given), _KNOTS),
+    "Riemannian cubics": SecondOrder(
+        lambda metric, _, *given: riemannian_cubics(metric, *given), _TWO_STATES, _FLAT_CUBIC
+    ),
+    _FLAT_CUBIC: SecondOrder(lambda *given: minimum_acceleration(*given[2:]), _TWO_STATES),
+    "Riemannian spline": SecondOrder(
+        lambda metric, _, *given: riemannian_spline(metric, *given), _KNOTS, _FLAT_SPLINE
+    ),
+    _FLAT_SPLINE: SecondOrder(lambda *given: cubic_spline(*given[2:]), _KNOTS),
+    "minimum jerk": SecondOrder(
+        lambda *given: minimum_jerk(*given[2:]), f"{_TWO_STATES}, 2 accelerations"
+    ),
+    "minimum jerk of the hand": SecondOrder(
+        lambda _, *given: minimum_jerk_hand(*given),
+        "1 configuration, 2 hand poses, velocities, accelerations",
+    ),
+    "least torque": _effort(LeastTorque),
+    "least torque change": _effort(LeastTorqueChange, f"{_TWO_STATES}; torques continuous"),
+    "least work": _effort(LeastWork),
+    "least work and acceleration": _effort(LeastWorkAndAcceleration),
 }
+
+
+def second_order_names(effort: bool) -> list[str]:
+    """Return the names of the predictions, with those of least effort if wanted."""
+    return [name for name, each in SECOND_ORDER.items() if effort or not each.is_slow]
