@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.ipopt import STOPPED
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.ocp.solution import MeshIteration, Solution, with_effort_of
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, ViolationProfile
 from geodesic_ocp.trajectory.grid import Grid
@@ -192,7 +193,7 @@ def unresolved_energy(path: Path) -> Array:
     to_terms = np.linalg.inv(legendre.legvander(local, grid.degree - 1))
     terms = np.einsum("j,jk,skn->sn", last, to_terms, velocity)
     middle = (path.breakpoints[:-1] + path.breakpoints[1:]) / 2.0
-    sizes = [path.metric.norm(q, term) for q, term in zip(path(middle), terms, strict=True)]
+    sizes = speeds_at(path.metric, path(middle), terms)
     return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))
 
 

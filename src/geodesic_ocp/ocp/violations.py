@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import casadi as ca
@@ -36,9 +37,13 @@ class PathSamples:
         c = conditions
         self._conditions, self._functions = c, (*c.along_q, *c.along_qv)
         self._function = ca.Function("along", [c.q, c.v, c.p], [stacked(self._functions)])
+        self._of_last = lru_cache(maxsize=1)(self._of)
 
     def __call__(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
         """Return parameters s (k,), and for each path constraint its values (m, k) there."""
+        return self._of_last(path)
+
+    def _of(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
         s = sample_parameters(path)
         found = self._values(path, s)
         for _ in range(_REFINEMENTS):
@@ -59,6 +64,9 @@ class PathSamples:
             ends = np.cumsum([condition.size for condition in self._functions])[:-1]
             found += zip(self._functions, np.split(values, ends), strict=True)
         return found
+
+
+path_samples = lru_cache(maxsize=4)(PathSamples)
 
 
 def sample_parameters(path: Path) -> Array:
@@ -155,7 +163,7 @@ def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) ->
 
 def violation_profile(conditions: Conditions) -> ViolationProfile:
     """Return a function that gives the largest violation of the path constraints along a path."""
-    samples = PathSamples(conditions)
+    samples = path_samples(conditions)
 
     def profile(path: Path) -> tuple[Array, Array]:
         s, found = samples(path)
@@ -202,7 +210,7 @@ def _at_point(conditions: Conditions, condition: Condition, q: Array, s: float) 
 
 def _along(conditions: Conditions, path: Path) -> Iterator[_Values]:
     if conditions.along_q or conditions.along_qv or conditions.bounds:
-        s, found = PathSamples(conditions)(path)
+        s, found = path_samples(conditions)(path)
         yield from ((condition, values, s) for condition, values in found)
 
 
