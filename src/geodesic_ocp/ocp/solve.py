@@ -50,6 +50,7 @@ _WARM_START = {
     "warm_start_slack_bound_frac": 1e-8,
     "warm_start_mult_bound_push": 1e-8,
     "mu_init": 1e-9,
+    "max_iter": 40,
 }
 
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
@@ -224,9 +225,13 @@ class _Solver:
         """Return the solution or last iterate on a grid, from a path or another solution."""
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
-            multipliers = _multipliers(nlp, guess)
-            usual = {**NEAR, **(_WARM_START if multipliers else {})}
-            return self._optimize_via(self._solve_nlp(nlp, usual, multipliers))
+            if multipliers := _multipliers(nlp, guess):
+                found = self._solve_nlp(nlp, {**NEAR, **_WARM_START}, multipliers)
+                if not found.stats.success and found.stats.status != STOPPED:
+                    found = with_effort_of(found.stats, self._solve_nlp(nlp, NEAR))
+            else:
+                found = self._solve_nlp(nlp, NEAR)
+            return self._optimize_via(found)
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
