@@ -122,6 +122,17 @@ class Terms:
         return ca.Function(name, [self._z, self._p, *more], tidy)
 
 
+class Instance(ca.SX):  # type: ignore[misc]
+    """The constraint function of terms at variables z, with numbers (k,) in place of p.
+
+    An expression as any other, whose derivatives are not generated again for other numbers.
+    """
+
+    def __init__(self, terms: Terms, variables: ca.SX, numbers: Array) -> None:
+        super().__init__(terms.value(variables, numbers)[1])
+        self.terms, self.variables, self.numbers = terms, variables, numbers
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """Instances of one kind of terms. Numbers may be expressions in the program's parameters.

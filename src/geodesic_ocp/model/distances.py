@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -17,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, is_symbolic
+from geodesic_ocp.blocks import Instance, Terms
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
 
@@ -128,8 +130,10 @@ def signed_distances(
         ValueError: the model, or one of the given links, has no bodies.
     """
     x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
-    named = _nearest_by_name(model, x, bodies_apart(model, obstacles, links, pairs))
-    expressions = {name: distance for name, (_, _, distance) in named.items()}
+    expressions: dict[str, ca.SX] = {}
+    for name, body, other in bodies_apart(model, obstacles, links, pairs):
+        for distance in _distances(model, x, body, other):
+            add_named(expressions, name, distance)
     if isinstance(q, ca.SX) or not expressions:
         return expressions
     function = ca.Function("signed_distances", [x], [ca.vertcat(*expressions.values())])
@@ -287,6 +291,36 @@ def has_symbols(obstacle: Obstacle) -> bool:
         return is_symbolic(obstacle.point)
     body = as_capsule(obstacle)
     return is_symbolic(body.start, body.end, body.radius)
+
+
+def _distances(model: Model, q: ca.SX, body: Body, other: Obstacle) -> list[ca.SX]:
+    """Return distance [m] of a body from another; from a plane, those of its ends."""
+    if isinstance(other, HalfSpace):
+        return half_space_distances(_segment(model, q, body), body.radius, other)
+    if has_symbols(other) or has_symbols(body):
+        return [_body_distance(model, q, body, other)]
+    points = (other.centre,) if isinstance(other, Ball) else dict.fromkeys((other.start, other.end))
+    terms = _distance_terms(model, body, len(points), other.link)
+    return [Instance(terms, q, np.array([*np.ravel(list(points)), other.radius]))]
+
+
+@lru_cache(maxsize=512)
+def _distance_terms(model: Model, body: Body, num_points: int, link: str | None) -> Terms:
+    """Return the distance of a body from any capsule, or any ball, in terms of its points and
+    radius.
+    """
+    q, points, radius = (
+        ca.SX.sym(*each) for each in (("q", model.dof), ("x", 3, num_points), ("r",))
+    )
+    ends = ca.horzsplit(points)
+    other = Capsule(ends[0], ends[-1], radius, link)  # type: ignore[arg-type]
+    distance = _body_distance(model, q, body, other)
+    return Terms(q, ca.vertcat(ca.vec(points), radius), 0.0, distance)
+
+
+def _body_distance(model: Model, q: ca.SX, body: Body, other: Body) -> ca.SX:
+    one, two = _segment(model, q, body), _segment(model, q, other)
+    return segment_distance(one, two) - (body.radius + other.radius)
 
 
 def _nearest_by_name(

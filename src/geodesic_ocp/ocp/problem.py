@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, is_symbolic, real_array
+from geodesic_ocp.blocks import Instance
 from geodesic_ocp.drawing.arm_shapes import draw_obstacle
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle
@@ -173,7 +174,9 @@ class _Parameters:
             limits.append(np.broadcast_to(values, (size,)).copy())
         if np.any(limits[0] > limits[1]):
             raise ValueError(f"{name}: a lower bound lies above its upper bound")
-        return Condition(name, column, limits[0], limits[1], _bare_symbols(column, symbols))
+        shared = isinstance(expression, Instance) and _is_first(expression.variables, symbols)
+        coordinates, instance = _bare_symbols(column, symbols), expression if shared else None
+        return Condition(name, column, limits[0], limits[1], coordinates, instance)
 
     def _numbers(self, name: str, limit: Any) -> Array:
         """Return a bound as numbers, with the parameters at their values."""
@@ -242,6 +245,10 @@ def _expression(name: str, expression: Any) -> ca.SX:
         return ca.SX(expression)
     except (NotImplementedError, TypeError, RuntimeError):
         raise ValueError(f"{name}: {expression!r} is not an expression in SX symbols") from None
+
+
+def _is_first(variables: ca.SX, symbols: ca.SX) -> bool:
+    return bool(ca.is_equal(variables, symbols[: variables.numel()]))
 
 
 def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:
