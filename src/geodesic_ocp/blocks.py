@@ -123,13 +123,15 @@ class Terms:
 
 
 class Instance(ca.SX):  # type: ignore[misc]
-    """The constraint function of terms at variables z, with numbers (k,) in place of p.
+    """An expression that is the constraint function of terms, with numbers (k,) in place of p.
 
-    An expression as any other, whose derivatives are not generated again for other numbers.
+    Its derivatives are not generated again for other numbers.
     """
 
-    def __init__(self, terms: Terms, variables: ca.SX, numbers: Array) -> None:
-        super().__init__(terms.value(variables, numbers)[1])
+    def __init__(
+        self, expression: ca.SX, terms: Terms, variables: ca.SX, numbers: Array
+    ) -> None:
+        super().__init__(expression)
         self.terms, self.variables, self.numbers = terms, variables, numbers
 
 

@@ -103,6 +103,8 @@ def parse_conditions(problem: Any) -> Conditions:
     continuity = [equality("", jump, ca.SX(0, 1)) for jump in jumps]
     for conditions, symbols in ((boundary, at_ends), (along, (q, v)), (sum(via, ()), (q,))):
         for condition in conditions:
+            if condition.instance is not None:
+                continue
             check_symbols(condition.name, condition.expression, symbols, parameters.symbols)
     names = [c.name for c in (*boundary, *along, *continuity, *(c for each in via for c in each))]
     if len(set(names)) < len(names):
@@ -114,7 +116,7 @@ def parse_conditions(problem: Any) -> Conditions:
     check_symbols("cost", cost, (q, v), parameters.symbols)
     bounds = [c for c in along if c.coordinates is not None and max(c.coordinates, default=0) < n]
     functions = [c for c in along if c not in bounds]
-    along_qv = [c for c in functions if ca.depends_on(c.expression, v)]
+    along_qv = [c for c in functions if c.instance is None and ca.depends_on(c.expression, v)]
     return Conditions(
         *(q0, q1, v0, v1, q, v, parameters.symbols, parameters.values, cost),
         fixed=tuple(c for c in boundary if c.coordinates is not None),
@@ -175,8 +177,9 @@ class _Parameters:
         if np.any(limits[0] > limits[1]):
             raise ValueError(f"{name}: a lower bound lies above its upper bound")
         shared = isinstance(expression, Instance) and _is_first(expression.variables, symbols)
-        coordinates, instance = _bare_symbols(column, symbols), expression if shared else None
-        return Condition(name, column, limits[0], limits[1], coordinates, instance)
+        if shared:
+            return Condition(name, column, limits[0], limits[1], None, expression)
+        return Condition(name, column, limits[0], limits[1], _bare_symbols(column, symbols))
 
     def _numbers(self, name: str, limit: Any) -> Array:
         """Return a bound as numbers, with the parameters at their values."""

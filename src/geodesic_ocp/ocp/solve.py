@@ -11,6 +11,7 @@ from typing import Any, TypeAlias, overload
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, relay_paths
@@ -22,7 +23,7 @@ from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import meeting_conditions, refine, with_optimal_via_points
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
-from geodesic_ocp.ocp.violations import find_violations, violation_profile
+from geodesic_ocp.ocp.violations import find_violations, may_become_active, violation_profile
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -53,6 +54,9 @@ _WARM_START = {
     "max_iter": 40,
 }
 
+# Of more conditions in q than these, only those near their bounds are part of the first program.
+_FEW, _MOST_ROUNDS = 20, 20
+_Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 
 
@@ -147,7 +151,8 @@ def solve(
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
         _check_refinable(definition.conditions)
-    solver = _Solver(problem, definition, dict(ipopt or {}), callback, _ipopt_tolerance(tolerance))
+    settings, tight = dict(ipopt or {}), _ipopt_tolerance(tolerance)
+    solver = _Solver(problem, definition, definition.conditions, settings, callback, tight)
     if grid is None:
         solution = _solve_on_fitting_grid(solver, tolerance, guess)
     elif tolerance is not None:
@@ -217,12 +222,46 @@ class _Solver:
 
     problem: Problem
     definition: ProblemDefinition
+    conditions: Conditions
     ipopt: Mapping[str, Any]
     callback: Callback | None
     tolerance: float
 
     def __call__(self, grid: Grid, guess: Path | Solution | None) -> Solution:
-        """Return the solution or last iterate on a grid, from a path or another solution."""
+        """Return the solution or last iterate on a grid, from a path or another solution.
+
+        Of many conditions, those far from their bounds are left out until a path violates them.
+        """
+        whole = self.definition.conditions
+        if len(whole.along_q) <= _FEW or whole.via:
+            return self._solve_on(grid, guess)
+        if isinstance(guess, Solution):
+            first = guess.iterate.nlp.definition
+        else:
+            path = self.definition.initial_path(grid, guess)
+            first = self.definition.restricted(may_become_active(whole, path))
+
+        def solve(start: _Start) -> Solution:
+            definition, guess = start
+            return replace(self, definition=definition)._solve_on(grid, guess)
+
+        def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
+            definition = found.iterate.nlp.definition
+            names = {each.name for each in definition.conditions.along_q}
+            others = {each.name for each in whole.along_q} - names
+            if found.stats.status == STOPPED or others.isdisjoint(
+                each.name for each in found.violations
+            ):
+                return found, None
+            more = self.definition.restricted(
+                frozenset(names | (may_become_active(whole, found.path)))
+            )
+            return found, (more, found if found.stats.success else guess)
+
+        return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
+
+    def _solve_on(self, grid: Grid, guess: Path | Solution | None) -> Solution:
+        """Return the solution or last iterate under the conditions of this solver."""
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
             if multipliers := _multipliers(nlp, guess):
@@ -289,7 +328,7 @@ class _Solver:
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)
-        solution = _solution(self.problem, nlp, outcome)
+        solution = _solution(self.problem, self.conditions, nlp, outcome)
         return self._beyond_saddle(nlp, solution) if outcome.may_be_saddle else solution
 
     def _beyond_saddle(self, nlp: NLP, solution: Solution) -> Solution:
@@ -331,8 +370,12 @@ def shared_ipopt(definition: ProblemDefinition, shape: Grid, settings: Settings)
     return _ipopt(definition.transcription(shape), settings)
 
 
-def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
-    conditions, bounds, units = nlp.conditions, nlp.bounds, nlp.units
+def _solution(
+    problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outcome
+) -> Solution:
+    """Return the solution under all conditions of a problem from one of an NLP with some of them.
+    """
+    bounds, units = nlp.bounds, nlp.units
     iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
     path = iterate.path
     violation, worst = bounds.worst(path.nodes, outcome.g)
@@ -351,5 +394,6 @@ def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
         max_path_violation=violations[0].amount if violations else 0.0,
     )
     lam_x = units.scale / units.length * outcome.lam_x.reshape(path.nodes.shape)
-    multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
+    left_out = {each.name: np.zeros((path.grid.size, each.size)) for each in conditions.along_q}
+    multipliers = {**left_out, **bounds.multipliers(lam_x, units.scale * outcome.lam_g)}
     return Solution(problem, path, stats, multipliers, violations, iterate)
