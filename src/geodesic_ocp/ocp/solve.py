@@ -370,11 +370,8 @@ def shared_ipopt(definition: ProblemDefinition, shape: Grid, settings: Settings)
     return _ipopt(definition.transcription(shape), settings)
 
 
-def _solution(
-    problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outcome
-) -> Solution:
-    """Return the solution under all conditions of a problem from one of an NLP with some of them.
-    """
+def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outcome) -> Solution:
+    """Return the solution under all conditions of a problem from one of an NLP with some of them."""
     bounds, units = nlp.bounds, nlp.units
     iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
     path = iterate.path

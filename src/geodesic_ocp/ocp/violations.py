@@ -72,11 +72,13 @@ class PathSamples:
             places = np.searchsorted(s, new)
             values = np.insert(values, places, self._values(path, new), axis=1)
             s = np.insert(s, places, new)
-        return s, list(zip(self._all, np.split(values, self._ends), strict=True))
+        parts = np.split(values, self._ends)[: len(self._all)]
+        return s, list(zip(self._all, parts, strict=True))
 
     def _values(self, path: Path, s: Array) -> Array:
         parameters = np.tile(self._p[:, None], s.size)
-        return evaluate(self._function.map(s.size), path(s).T, path(s, 1).T, parameters)
+        function = self._function.map(s.size)
+        return np.asarray(evaluate(function, path(s).T, path(s, 1).T, parameters))
 
 
 path_samples = lru_cache(maxsize=4)(PathSamples)
