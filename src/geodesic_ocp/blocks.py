@@ -122,6 +122,17 @@ class Terms:
         return ca.Function(name, [self._z, self._p, *more], tidy)
 
 
+class Instance(ca.SX):
+    """An expression that is the constraint function of terms, with numbers (k,) in place of p.
+
+    Its derivatives are not generated again for other numbers.
+    """
+
+    def __init__(self, expression: ca.SX, terms: Terms, variables: ca.SX, numbers: Array) -> None:
+        super().__init__(expression)
+        self.terms, self.variables, self.numbers = terms, variables, numbers
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """Instances of one kind of terms. Numbers may be expressions in the program's parameters.

@@ -165,7 +165,7 @@ def test_nlp_can_be_solved_by_another_solver() -> None:
 
 def test_callback_receives_every_iterate() -> None:
     seen: list[go.ocp.Iterate] = []
-    solution = go.solve(PlaneAroundDisc(), callback=seen.append)
+    solution = go.solve(PlaneAroundDisc(), grid=go.Grid(16, 4), callback=seen.append)
     assert [iterate.number for iterate in seen] == list(range(solution.stats.iterations + 1))
     assert seen[-1].objective == pytest.approx(solution.stats.objective, rel=1e-8)
     assert seen[-1].violation <= 1e-7
@@ -294,7 +294,7 @@ def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ipython, "get_ipython", lambda: SimpleNamespace(kernel=object()))
     problem = PlaneAroundDisc()
     with go.ocp.LivePlot(problem, interval=1e9) as live:
-        solution = go.solve(problem, callback=live)
+        solution = go.solve(problem, grid=go.Grid(16, 4), callback=live)
     assert len(shown) == 2  # the first iterate, and the last one on closing
     assert shown[0] is shown[1]
     title = shown[-1].get_suptitle()  # type: ignore[attr-defined]

@@ -8,8 +8,9 @@ the other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from itertools import product
 from typing import Any
 
@@ -17,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, is_symbolic
+from geodesic_ocp.blocks import Instance, Terms
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
 
@@ -53,8 +55,25 @@ def line_segment(
 
 def segment_distance(one: LineSegment, other: LineSegment) -> ca.SX:
     """Return distance between two segments."""
-    here, there = _closest_points(one, other)
-    return ca.SX(ca.sqrt(ca.sumsqr(here - there) + _TOUCHING))
+    function = _distance_function(one.square.is_zero(), other.square.is_zero())
+    parts = (getattr(each, part) for each in (one, other) for part in ("start", "along", "square"))
+    return ca.SX(function(*parts))
+
+
+@lru_cache(maxsize=4)
+def _distance_function(*are_points: bool) -> ca.Function:
+    """Return the distance by start, vector to the end and squared length of two segments.
+
+    A call of it is an expression several times faster than the operations one by one.
+    """
+    symbols, segments = [], []
+    for name, is_point in zip("ab", are_points, strict=True):
+        own = [ca.SX.sym(name, 3), ca.SX.sym(f"{name}_along", 3), ca.SX.sym(f"{name}_square")]
+        symbols += own
+        segments.append(LineSegment(own[0], *((ca.SX.zeros(3), ca.SX(0)) if is_point else own[1:])))
+    here, there = _closest_points(*segments)
+    distance = ca.sqrt(ca.sumsqr(here - there) + _TOUCHING)
+    return ca.Function("distance", symbols, [distance])
 
 
 def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]:
@@ -128,8 +147,11 @@ def signed_distances(
         ValueError: the model, or one of the given links, has no bodies.
     """
     x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
-    named = _nearest_by_name(model, x, bodies_apart(model, obstacles, links, pairs))
-    expressions = {name: distance for name, (_, _, distance) in named.items()}
+    expressions: dict[str, ca.SX] = {}
+    segment = lru_cache(maxsize=None)(partial(_segment, model, x))
+    for name, body, other in bodies_apart(model, obstacles, links, pairs):
+        for distance in _distances(model, x, body, other, segment):
+            add_named(expressions, name, distance)
     if isinstance(q, ca.SX) or not expressions:
         return expressions
     function = ca.Function("signed_distances", [x], [ca.vertcat(*expressions.values())])
@@ -287,6 +309,38 @@ def has_symbols(obstacle: Obstacle) -> bool:
         return is_symbolic(obstacle.point)
     body = as_capsule(obstacle)
     return is_symbolic(body.start, body.end, body.radius)
+
+
+def _distances(
+    model: Model, q: ca.SX, body: Body, other: Obstacle, segment: Callable[[Body], LineSegment]
+) -> list[ca.SX]:
+    """Return distance [m] of a body from another; from a plane, those of its ends."""
+    one = segment(body)
+    if isinstance(other, HalfSpace):
+        return half_space_distances(one, body.radius, other)
+    if has_symbols(other) or has_symbols(body):
+        return [_clearance(one, _segment(model, q, other), body, other)]
+    points = (other.centre,) if isinstance(other, Ball) else dict.fromkeys((other.start, other.end))
+    terms = _distance_terms(model, body, len(points), other.link)
+    distance = _clearance(one, segment(other), body, other)
+    return [Instance(distance, terms, q, np.array([*np.ravel(list(points)), other.radius]))]
+
+
+@lru_cache(maxsize=512)
+def _distance_terms(model: Model, body: Body, num_points: int, link: str | None) -> Terms:
+    """Return the distance of a body from any capsule, or any ball, in terms of its points and
+    radius.
+    """
+    q, radius = ca.SX.sym("q", model.dof), ca.SX.sym("r")
+    points = ca.SX.sym("x", 3, num_points)
+    ends = ca.horzsplit(points)
+    other = Capsule(ends[0], ends[-1], radius, link)  # type: ignore[arg-type]
+    distance = _clearance(_segment(model, q, body), _segment(model, q, other), body, other)
+    return Terms(q, ca.vertcat(ca.vec(points), radius), 0.0, distance)
+
+
+def _clearance(one: LineSegment, two: LineSegment, body: Body, other: Body) -> ca.SX:
+    return segment_distance(one, two) - (body.radius + other.radius)
 
 
 def _nearest_by_name(

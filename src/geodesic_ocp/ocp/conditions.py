@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.blocks import Instance, Terms
 from geodesic_ocp.trajectory.grid import Grid
 
 
@@ -23,6 +24,7 @@ class Condition(ShortRepr):
         expression: the bounded expression.
         lower, upper: the bounds; equal for an equality.
         coordinates: indices (m,) into the symbols if every row is a bare symbol, else None.
+        instance: the expression as one in q whose terms others share, else None.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Condition(ShortRepr):
     lower: Array
     upper: Array
     coordinates: tuple[int, ...] | None
+    instance: Instance | None = None
     _shown = ("name", "size")
 
     @property
@@ -81,6 +84,15 @@ class Conditions(ShortRepr):
         for at_one in self.via:
             yield from at_one
         yield from self.via_continuity
+
+    @property
+    def in_groups(self) -> list[tuple[Condition, ...]]:
+        """Conditions in q alone by the terms that they share, and those without."""
+        groups: dict[Terms | None, list[Condition]] = {}
+        for condition in self.along_q:
+            terms = None if condition.instance is None else condition.instance.terms
+            groups.setdefault(terms, []).append(condition)
+        return [tuple(group) for group in groups.values()]
 
     @property
     def only_ends(self) -> bool:
@@ -173,7 +185,8 @@ class NodeBounds(ShortRepr):
         at_via = tuple(condition for at_one in conditions.via for condition in at_one)
         groups = (
             *((conditions.ends, 1), (at_via, 1), (conditions.via_continuity, 1)),
-            *((conditions.along_q, grid.size), (conditions.along_qv, grid.collocations)),
+            *((group, grid.size) for group in conditions.in_groups),
+            (conditions.along_qv, grid.collocations),
         )
         in_g, start = [], 0
         for group, count in groups:

@@ -43,6 +43,7 @@ class _IterateRecord:
     x: Array
     lam_x: Array
     lam_g: Array
+    conditions: list[str] | None = None  # those in q along the path; None: all
 
 
 @dataclass(eq=False)
@@ -178,7 +179,10 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
 def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
     saved, definition, grid = record.nlp, problem.definition(), record.grid
     path = Path(problem.metric, grid, record.nodes)
-    conditions, n = definition.conditions, problem.metric.dim
+    all_conditions, n = definition.conditions, problem.metric.dim
+    if saved.conditions is not None:
+        definition = definition.restricted(frozenset(saved.conditions))
+    conditions = definition.conditions
     if len(grid.via_segments) != len(conditions.via):
         raise ValueError(
             f"the path has {len(grid.via_segments)} via points, not {len(conditions.via)}"
@@ -193,5 +197,5 @@ def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
     units = Units(saved.origin, saved.length, saved.scale)
     nlp = NLP(definition, definition.transcription(grid), grid, bounds, units, path.nodes)
     iterate = FinalIterate(nlp, saved.x, saved.lam_x, saved.lam_g)
-    found = find_violations(conditions, path)
+    found = find_violations(all_conditions, path)
     return Solution(problem, path, record.stats, record.multipliers, found, iterate)

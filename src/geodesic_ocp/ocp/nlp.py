@@ -41,6 +41,17 @@ class ProblemDefinition(ShortRepr):
     grid: Grid = field(compare=False)
     _shown = ("metric", "grid")
 
+    def restricted(self, names: frozenset[str]) -> ProblemDefinition:
+        """Return the definition with only these of the conditions in q along the path."""
+        kept = tuple(each for each in self.conditions.along_q if each.name in names)
+        key = None if self.key is None else (self.key, names)
+        return replace(self, conditions=replace(self.conditions, along_q=kept), key=key)
+
+    def initial_path(self, grid: Grid, guess: Path | None) -> Path:
+        """Return the initial guess on a grid: the given one, the problem's or a straight line."""
+        bounds = NodeBounds.on_grid(self.conditions, grid, self.metric.joint_names)
+        return Path(self.metric, grid, _initial_nodes(self, grid, bounds, guess))
+
     def transcription(self, grid: Grid) -> Transcription:
         """Return the NLP on all grids of this shape, built once for all problems with this key."""
         even = replace(grid, ends=None)

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, is_symbolic, real_array
+from geodesic_ocp.blocks import Instance
 from geodesic_ocp.drawing.arm_shapes import draw_obstacle
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle
@@ -102,6 +103,8 @@ def parse_conditions(problem: Any) -> Conditions:
     continuity = [equality("", jump, ca.SX(0, 1)) for jump in jumps]
     for conditions, symbols in ((boundary, at_ends), (along, (q, v)), (sum(via, ()), (q,))):
         for condition in conditions:
+            if condition.instance is not None:
+                continue
             check_symbols(condition.name, condition.expression, symbols, parameters.symbols)
     names = [c.name for c in (*boundary, *along, *continuity, *(c for each in via for c in each))]
     if len(set(names)) < len(names):
@@ -113,7 +116,7 @@ def parse_conditions(problem: Any) -> Conditions:
     check_symbols("cost", cost, (q, v), parameters.symbols)
     bounds = [c for c in along if c.coordinates is not None and max(c.coordinates, default=0) < n]
     functions = [c for c in along if c not in bounds]
-    along_qv = [c for c in functions if ca.depends_on(c.expression, v)]
+    along_qv = [c for c in functions if c.instance is None and ca.depends_on(c.expression, v)]
     return Conditions(
         *(q0, q1, v0, v1, q, v, parameters.symbols, parameters.values, cost),
         fixed=tuple(c for c in boundary if c.coordinates is not None),
@@ -173,6 +176,9 @@ class _Parameters:
             limits.append(np.broadcast_to(values, (size,)).copy())
         if np.any(limits[0] > limits[1]):
             raise ValueError(f"{name}: a lower bound lies above its upper bound")
+        shared = isinstance(expression, Instance) and _is_first(expression.variables, symbols)
+        if shared:
+            return Condition(name, column, limits[0], limits[1], None, expression)
         return Condition(name, column, limits[0], limits[1], _bare_symbols(column, symbols))
 
     def _numbers(self, name: str, limit: Any) -> Array:
@@ -242,6 +248,10 @@ def _expression(name: str, expression: Any) -> ca.SX:
         return ca.SX(expression)
     except (NotImplementedError, TypeError, RuntimeError):
         raise ValueError(f"{name}: {expression!r} is not an expression in SX symbols") from None
+
+
+def _is_first(variables: ca.SX, symbols: ca.SX) -> bool:
+    return bool(ca.is_equal(variables, symbols[: variables.numel()]))
 
 
 def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.ipopt import STOPPED
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.ocp.solution import MeshIteration, Solution, with_effort_of
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, ViolationProfile
 from geodesic_ocp.trajectory.grid import Grid
@@ -33,6 +34,8 @@ _MAX_ROUNDS = 20
 _MAX_SEGMENTS = 400
 # Segments are halved whose error exceeds this fraction of the largest.
 _FRACTION = 0.1
+# Times that a segment is halved in one round; grids have a multiple of this number of segments.
+_MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.
 _PATIENCE, _WORSE = 3, 1.2
 
@@ -136,18 +139,19 @@ def _halved_until_fine(
         change = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
         if tolerance is None:
             is_fine = not _violates(found)
-            coarse = worst_by_segment(path, violations) > BETWEEN_NODES
+            levels = (worst_by_segment(path, violations) > BETWEEN_NODES).astype(int)
             diverged = min(path.grid.widths) < _NARROWEST
         else:
             is_settled = change <= tolerance * abs(stats.objective)
             is_fine = is_settled and stats.max_path_violation <= tolerance
-            coarse = _coarse(path, violations, tolerance)
+            levels = _levels(path, violations, tolerance)
             diverged = stats.objective > _WORSE * first.stats.objective > 0.0
         if is_fine:
             return found, None
-        too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
+        finer = _finer(path.grid, levels, unresolved_energy(path))
+        too_many = finer.segments > _MAX_SEGMENTS
         if not (diverged and number >= _PATIENCE) and not too_many and number + 1 < _MAX_ROUNDS:
-            return found, (found, halved(path.grid, coarse))
+            return found, (found, finer)
         if tolerance is None:
             return meeting_conditions(found, "no finer grid meets its conditions"), None
         status = (
@@ -160,14 +164,34 @@ def _halved_until_fine(
     return in_rounds(None, solve, examine, _MAX_ROUNDS)
 
 
-def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:
-    """Return which segments to halve, (segments,); all of them if none stands out."""
-    worst = worst_by_segment(path, violations)
-    unresolved = unresolved_energy(path)
-    allowed = tolerance * path.energy / path.grid.segments
-    coarse = (worst > tolerance) & (worst > _FRACTION * worst.max())
-    coarse |= (unresolved > allowed) & (unresolved > _FRACTION * unresolved.max())
-    return coarse if np.any(coarse) else np.ones_like(coarse)
+def _levels(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.int64]:
+    """Return how often to halve each segment, (segments,); all of them once if none stands out.
+
+    At a kink of the velocity, violations fall with the square and energies with the cube of the
+    width.
+    """
+    levels = np.zeros(path.grid.segments, dtype=int)
+    errors = worst_by_segment(path, violations), unresolved_energy(path)
+    allowed = tolerance, tolerance * path.energy / path.grid.segments
+    for error, limit, order in zip(errors, allowed, (2, 3), strict=True):
+        coarse = (error > limit) & (error > _FRACTION * error.max())
+        needed = np.ceil(np.log2(error[coarse] / limit) / order).astype(int)
+        levels[coarse] = np.maximum(levels[coarse], np.clip(needed, 1, _MOST_LEVELS))
+    return levels if np.any(levels) else np.ones_like(levels)
+
+
+def _finer(grid: Grid, levels: NDArray[np.int64], errors: Array) -> Grid:
+    """Return the grid with its segments halved as often as given, and some more up to a round
+    number: on few numbers of segments, few programs are built.
+    """
+    rest = np.flatnonzero(levels == 0)
+    more = -int(np.sum(2**levels)) % _ROUND
+    levels = levels.copy()
+    levels[rest[np.argsort(errors[rest])[::-1][:more]]] = 1
+    while np.any(levels):
+        coarse = levels > 0
+        grid, levels = halved(grid, coarse), np.repeat(np.maximum(levels - 1, 0), 1 + coarse)
+    return grid
 
 
 def worst_by_segment(path: Path, violations: tuple[Array, Array]) -> Array:
@@ -192,7 +216,7 @@ def unresolved_energy(path: Path) -> Array:
     to_terms = np.linalg.inv(legendre.legvander(local, grid.degree - 1))
     terms = np.einsum("j,jk,skn->sn", last, to_terms, velocity)
     middle = (path.breakpoints[:-1] + path.breakpoints[1:]) / 2.0
-    sizes = [path.metric.norm(q, term) for q, term in zip(path(middle), terms, strict=True)]
+    sizes = speeds_at(path.metric, path(middle), terms)
     return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))
 
 

@@ -8,7 +8,10 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias, overload
 
+import numpy as np
+
 from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, relay_paths
@@ -20,12 +23,16 @@ from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import meeting_conditions, refine, with_optimal_via_points
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
-from geodesic_ocp.ocp.violations import find_violations, violation_profile
+from geodesic_ocp.ocp.violations import find_violations, may_become_active, violation_profile
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 # With a free end, polynomials of a higher degree need an initial guess, solved on this grid.
 _STIFF, _COARSE = 8, Grid(4, 4)
+# From as many equal segments on, a solution on half of them comes first.
+_MANY = 16
+# Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
+_LOOSE, _MODERATE, _TIGHT = 1e-6, 1e-8, 1e-10
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
 _STEP = 0.1
@@ -44,8 +51,12 @@ _WARM_START = {
     "warm_start_slack_bound_frac": 1e-8,
     "warm_start_mult_bound_push": 1e-8,
     "mu_init": 1e-9,
+    "max_iter": 40,
 }
 
+# Of more conditions in q than these, only those near their bounds are part of the first program.
+_FEW, _MOST_ROUNDS = 20, 20
+_Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 
 
@@ -137,16 +148,17 @@ def solve(
     if not isinstance(guess, Path | Solution | None):
         raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
     definition = problem.definition()
-    first = definition.grid if grid is None else grid
-    solver = _Solver(problem, definition, dict(ipopt or {}), callback)
-    conditions = definition.conditions
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
-        _check_refinable(conditions)
-    solution = solver.solve_from(first, guess)
-    if tolerance is not None or grid is None:
-        solution = refine(solver, violation_profile(conditions), solution, tolerance, guess)
+        _check_refinable(definition.conditions)
+    settings, tight = dict(ipopt or {}), _ipopt_tolerance(tolerance)
+    solver = _Solver(problem, definition, definition.conditions, settings, callback, tight)
+    if grid is None:
+        solution = _solve_on_fitting_grid(solver, tolerance, guess)
+    elif tolerance is not None:
+        solution = _refined(solver, solver.solve_from(grid, guess), tolerance, guess)
     else:
+        solution = solver.solve_from(grid, guess)
         solution = meeting_conditions(solution, "leave grid out, or set tolerance")
     if throw and not solution.stats.success:
         raise NotConverged(describe_failure(solution), solution)
@@ -169,22 +181,96 @@ def _check_refinable(conditions: Conditions) -> None:
         )
 
 
+def _ipopt_tolerance(tolerance: float | None) -> float:
+    """Return Ipopt's tolerance, in the scale of the energy, for a tolerance of the path."""
+    return _TIGHT if tolerance is None else float(np.clip(tolerance / 100.0, _TIGHT, _MODERATE))
+
+
+def _solve_on_fitting_grid(
+    solver: _Solver, tolerance: float | None, guess: Path | Solution | None
+) -> Solution:
+    """Return the solution on the problem's own grid, or on one refined for the tolerance.
+
+    Ipopt takes as many iterations on half the segments, at half the cost, and few from there.
+    """
+    own = solver.definition.grid
+    if own.segments >= _MANY and own.ends is None and not isinstance(guess, Solution):
+        half = Grid(own.segments // 2, own.degree)
+        rough = replace(solver, tolerance=_LOOSE).solve_from(half, guess)
+        if rough.stats.status == STOPPED:
+            return rough
+        if rough.stats.success:
+            found = rough
+            if tolerance is None:
+                found = with_effort_of(rough.stats, solver.solve_from(own, rough))
+            found = _refined(solver, found, tolerance, guess)
+            if found.stats.success or found.stats.status == STOPPED:
+                return found
+    return _refined(solver, solver.solve_from(own, guess), tolerance, guess)
+
+
+def _refined(
+    solver: _Solver, first: Solution, tolerance: float | None, guess: Path | Solution | None
+) -> Solution:
+    profile = violation_profile(solver.definition.conditions)
+    return refine(solver, profile, first, tolerance, guess)
+
+
 @dataclass(frozen=True, eq=False)
 class _Solver:
     """A problem with everything that stays the same from one grid to the next."""
 
     problem: Problem
     definition: ProblemDefinition
+    conditions: Conditions
     ipopt: Mapping[str, Any]
     callback: Callback | None
+    tolerance: float
 
     def __call__(self, grid: Grid, guess: Path | Solution | None) -> Solution:
-        """Return the solution or last iterate on a grid, from a path or another solution."""
+        """Return the solution or last iterate on a grid, from a path or another solution.
+
+        Of many conditions, those far from their bounds are left out until a path violates them.
+        """
+        whole = self.definition.conditions
+        if len(whole.along_q) <= _FEW or whole.via:
+            return self._solve_on(grid, guess)
+        if isinstance(guess, Solution):
+            first = guess.iterate.nlp.definition
+        else:
+            path = self.definition.initial_path(grid, guess)
+            first = self.definition.restricted(may_become_active(whole, path))
+
+        def solve(start: _Start) -> Solution:
+            definition, guess = start
+            return replace(self, definition=definition)._solve_on(grid, guess)
+
+        def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
+            definition = found.iterate.nlp.definition
+            names = {each.name for each in definition.conditions.along_q}
+            others = {each.name for each in whole.along_q} - names
+            if found.stats.status == STOPPED or others.isdisjoint(
+                each.name for each in found.violations
+            ):
+                return found, None
+            more = self.definition.restricted(
+                frozenset(names | (may_become_active(whole, found.path)))
+            )
+            return found, (more, found if found.stats.success else guess)
+
+        return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
+
+    def _solve_on(self, grid: Grid, guess: Path | Solution | None) -> Solution:
+        """Return the solution or last iterate under the conditions of this solver."""
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
-            multipliers = _multipliers(nlp, guess)
-            usual = {**NEAR, **(_WARM_START if multipliers else {})}
-            return self._optimize_via(self._solve_nlp(nlp, usual, multipliers))
+            if multipliers := _multipliers(nlp, guess):
+                found = self._solve_nlp(nlp, {**NEAR, **_WARM_START}, multipliers)
+                if not found.stats.success and found.stats.status != STOPPED:
+                    found = with_effort_of(found.stats, self._solve_nlp(nlp, NEAR))
+            else:
+                found = self._solve_nlp(nlp, NEAR)
+            return self._optimize_via(found)
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
@@ -225,7 +311,7 @@ class _Solver:
     ) -> Solution:
         """Return the solution of the NLP from given multipliers, or the last iterate."""
         values = {**nlp.values, **multipliers}
-        given = {**FILTER, **usual, **self.ipopt}
+        given = {**FILTER, "tol": self.tolerance, **usual, **self.ipopt}
         settings = tuple(sorted(given.items()))
         try:
             hash(settings)
@@ -242,7 +328,7 @@ class _Solver:
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)
-        solution = _solution(self.problem, nlp, outcome)
+        solution = _solution(self.problem, self.conditions, nlp, outcome)
         return self._beyond_saddle(nlp, solution) if outcome.may_be_saddle else solution
 
     def _beyond_saddle(self, nlp: NLP, solution: Solution) -> Solution:
@@ -284,8 +370,9 @@ def shared_ipopt(definition: ProblemDefinition, shape: Grid, settings: Settings)
     return _ipopt(definition.transcription(shape), settings)
 
 
-def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
-    conditions, bounds, units = nlp.conditions, nlp.bounds, nlp.units
+def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outcome) -> Solution:
+    """Return the solution under all conditions of a problem from one of an NLP with some of them."""
+    bounds, units = nlp.bounds, nlp.units
     iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
     path = iterate.path
     violation, worst = bounds.worst(path.nodes, outcome.g)
@@ -304,5 +391,6 @@ def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
         max_path_violation=violations[0].amount if violations else 0.0,
     )
     lam_x = units.scale / units.length * outcome.lam_x.reshape(path.nodes.shape)
-    multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
+    left_out = {each.name: np.zeros((path.grid.size, each.size)) for each in conditions.along_q}
+    multipliers = {**left_out, **bounds.multipliers(lam_x, units.scale * outcome.lam_g)}
     return Solution(problem, path, stats, multipliers, violations, iterate)

@@ -9,7 +9,7 @@ Marsden and West, Acta Numerica 2001; Ober-Bloebaum, Junge, Marsden, ESAIM COCV 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -97,7 +97,7 @@ class PathTerms:
         conditions: conditions of the problem, whose symbols are used.
         energy: integrand of energy and cost, in q and v.
         at_ends: conditions in q0, q1, v0, v1.
-        at_nodes: in q.
+        at_nodes: in q, by groups, with the numbers of each of its conditions if they share terms.
         at_via: in q, of each via point.
         in_segments: in q and v.
     """
@@ -105,7 +105,7 @@ class PathTerms:
     conditions: Conditions = field(repr=False)
     energy: Terms
     at_ends: Terms
-    at_nodes: Terms
+    at_nodes: tuple[tuple[Terms, Array | None], ...]
     at_via: tuple[Terms, ...]
     in_segments: Terms
 
@@ -121,6 +121,12 @@ class PathTerms:
         def bounded(symbols: ca.SX, group: tuple[Condition, ...]) -> Terms:
             return Terms(symbols, c.p, 0.0, stacked(group))
 
+        def grouped(group: tuple[Condition, ...]) -> tuple[Terms, Array | None]:
+            shared = [each.instance for each in group if each.instance is not None]
+            if not shared:
+                return bounded(c.q, group), None
+            return shared[0].terms, np.stack([each.numbers for each in shared])
+
         energy = None
         if c.cost.is_zero() and (file := metric.kernels.file):
             try:
@@ -131,7 +137,7 @@ class PathTerms:
             conditions=c,
             energy=energy or Terms(state, c.p, metric.energy_density(c.q, c.v) + c.cost),
             at_ends=bounded(ca.vertcat(c.q0, c.q1, c.v0, c.v1), c.ends),
-            at_nodes=bounded(c.q, c.along_q),
+            at_nodes=tuple(map(grouped, c.in_groups)),
             at_via=tuple(bounded(c.q, each) for each in c.via),
             in_segments=bounded(state, c.along_qv),
         )
@@ -246,8 +252,12 @@ class Transcription(ShortRepr):
                 jumps.append(block(jump, matrix, (ca.horzcat(zero, zero), units)))
         weights = ca.DM(quadrature.weights) / (steeper @ ca.DM.ones(1, len(rows))) / scale
         blocks = [states(terms.energy, rows, ca.vec(weights.T)), *ends, *via, *jumps]
-        if terms.at_nodes.size_g:
-            blocks.append(positions(terms.at_nodes, range(grid.size)))
+        for each, numbers in terms.at_nodes:
+            nodes = np.repeat(np.arange(grid.size), 1 if numbers is None else len(numbers))
+            of_group = positions(each, nodes.tolist())
+            if numbers is not None:
+                of_group = replace(of_group, values=np.tile(numbers, (grid.size, 1)))
+            blocks.append(of_group)
         if terms.in_segments.size_g:
             at_own = np.stack([np.eye(grid.degree + 1), grid.differentiation[0]], axis=1)
             blocks.append(states(terms.in_segments, at_own))

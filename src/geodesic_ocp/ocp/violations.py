@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import lru_cache
+from typing import Protocol, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -16,13 +17,26 @@ from geodesic_ocp.trajectory.path import Path
 
 _PER_NODE = 4  # samples between two nodes
 _NEAR_BOUND = 1e-2  # of the range of a condition's values
+_MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at first
 _REFINEMENTS = 3  # times that the vertices of parabolas are added to the samples
 
 
-def excess_over_bounds(condition: Condition, values: Array) -> Array:
+def excess_over_bounds(bounds: Bounded, values: Array) -> Array:
     """Get distance of values (m, k) from the bounds, positive outside; NaN counts as infinite."""
-    excess = np.maximum(condition.lower[:, None] - values, values - condition.upper[:, None])
+    excess = np.maximum(bounds.lower[:, None] - values, values - bounds.upper[:, None])
     return np.asarray(np.where(np.isnan(excess), np.inf, excess))
+
+
+class Bounded(Protocol):
+    """What has bounds (m,)."""
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds."""
+
+    @property
+    def upper(self) -> Array:
+        """Upper bounds."""
 
 
 class PathSamples:
@@ -34,31 +48,40 @@ class PathSamples:
 
     def __init__(self, conditions: Conditions) -> None:
         c = conditions
-        self._conditions, self._functions = c, (*c.along_q, *c.along_qv)
-        self._function = ca.Function("along", [c.q, c.v, c.p], [stacked(self._functions)])
+        self._all = (*c.bounds, *c.along_q, *c.along_qv)
+        self._ends = np.cumsum([condition.size for condition in self._all])[:-1]
+        self.lower, self.upper = (
+            np.concatenate([np.zeros(0), *(getattr(each, side) for each in self._all)])
+            for side in ("lower", "upper")
+        )
+        self._p, expressions = c.p_values, [stacked(self._all)]
+        self._function = ca.Function("along", [c.q, c.v, c.p], expressions)
+        self._of_last = lru_cache(maxsize=1)(self._sampled)
 
     def __call__(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
         """Return parameters s (k,), and for each path constraint its values (m, k) there."""
+        return self._of_last(path)
+
+    def _sampled(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
         s = sample_parameters(path)
-        found = self._values(path, s)
+        values = self._values(path, s)
         for _ in range(_REFINEMENTS):
-            peaks = [_peaks(s, excess_over_bounds(c, values)) for c, values in found]
-            new = np.setdiff1d(np.concatenate([np.zeros(0), *peaks]), s)
+            new = np.setdiff1d(_peaks(s, excess_over_bounds(self, values)), s)
             if not new.size:
                 break
-            s = np.sort(np.concatenate([s, new]))
-            found = self._values(path, s)
-        return s, found
+            places = np.searchsorted(s, new)
+            values = np.insert(values, places, self._values(path, new), axis=1)
+            s = np.insert(s, places, new)
+        parts = np.split(values, self._ends)[: len(self._all)]
+        return s, list(zip(self._all, parts, strict=True))
 
-    def _values(self, path: Path, s: Array) -> list[tuple[Condition, Array]]:
-        positions = path(s)
-        found = [(c, positions[:, list(c.coordinates or ())].T) for c in self._conditions.bounds]
-        if self._functions:
-            parameters = np.tile(self._conditions.p_values[:, None], s.size)
-            values = evaluate(self._function.map(s.size), positions.T, path(s, 1).T, parameters)
-            ends = np.cumsum([condition.size for condition in self._functions])[:-1]
-            found += zip(self._functions, np.split(values, ends), strict=True)
-        return found
+    def _values(self, path: Path, s: Array) -> Array:
+        parameters = np.tile(self._p[:, None], s.size)
+        function = self._function.map(s.size)
+        return np.asarray(evaluate(function, path(s).T, path(s, 1).T, parameters))
+
+
+path_samples = lru_cache(maxsize=4)(PathSamples)
 
 
 def sample_parameters(path: Path) -> Array:
@@ -155,7 +178,7 @@ def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) ->
 
 def violation_profile(conditions: Conditions) -> ViolationProfile:
     """Return a function that gives the largest violation of the path constraints along a path."""
-    samples = PathSamples(conditions)
+    samples = path_samples(conditions)
 
     def profile(path: Path) -> tuple[Array, Array]:
         s, found = samples(path)
@@ -163,6 +186,19 @@ def violation_profile(conditions: Conditions) -> ViolationProfile:
         return s, np.maximum.reduce([np.zeros(s.size), *excess])
 
     return profile
+
+
+def may_become_active(conditions: Conditions, path: Path) -> frozenset[str]:
+    """Return names of the conditions in q whose bounds a path violates or comes near, compared with
+    how much their values change along it.
+    """
+    _, found = path_samples(conditions)(path)
+    near = set()
+    for condition, values in found:
+        excess = excess_over_bounds(condition, values)
+        if np.any(excess > -_MAY_CHANGE * np.ptp(values, axis=1, keepdims=True)):
+            near.add(condition.name)
+    return frozenset(near & {condition.name for condition in conditions.along_q})
 
 
 # A condition, its values (m, k), and s (k,); None for a condition on both ends.
@@ -202,7 +238,7 @@ def _at_point(conditions: Conditions, condition: Condition, q: Array, s: float) 
 
 def _along(conditions: Conditions, path: Path) -> Iterator[_Values]:
     if conditions.along_q or conditions.along_qv or conditions.bounds:
-        s, found = PathSamples(conditions)(path)
+        s, found = path_samples(conditions)(path)
         yield from ((condition, values, s) for condition, values in found)
 
 
