@@ -141,9 +141,9 @@ class Cells:
                     blocks, height = len(own) // points, each.shape[0] * points // len(own)
                     at = np.arange(each.numel()).reshape(cells, points, blocks, height)
                     together = _arranged(each, at.transpose(2, 1, 0, 3), len(own))
-                    at = np.arange(first.size * cells * height).reshape(first.size, cells, height)
+                    back = np.arange(first.size * cells * height).reshape(first.size, cells, height)
                     product = _product(together, own)
-                    halves.append(_arranged(product, at.transpose(1, 0, 2), first.size * cells))
+                    halves.append(_arranged(product, back.transpose(1, 0, 2), first.size * cells))
             return ca.vec(join[:, : sum(each.shape[0] for each in halves)] @ ca.vertcat(*halves))
 
         # All cells with the same rows in one product: fewer operations to build, and quicker ones.
