@@ -115,7 +115,7 @@ class Cells:
         half the first term where s = t: half of the entries of symmetric and antisymmetric matrices
         suffice.
         """
-        (cells, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape[-3:]
+        (_, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape[-3:]
         first, second = np.triu_indices(nodes)  # the pairs (a, b) of a cell's nodes with a <= b
         pairs = [(s, t) for s in range(rows) for t in range(s, rows)]
         split, join = _halves(n, pairs, pattern)
@@ -132,24 +132,33 @@ class Cells:
             odd = [both[p] - both[p[::-1]] for p in pairs if p[0] != p[1]]
             return even, np.vstack([np.zeros((0, first.size)), *odd])
 
-        own = [factors(of) for of in self._of_cells]
-        sums = []
-        for cell in range(cells):
-            here = parts[:, cell * points : (cell + 1) * points]
-            symmetric = [here[k * half : (k + 1) * half, :] for k in range(len(pairs))]
-            even, odd = own[cell % len(own)]
-            halves = [_product(ca.horzcat(*symmetric), even)]
-            if odd.size:
-                rest, size = here[len(pairs) * half :, :], n * (n - 1) // 2
-                skew = [rest[k * size : (k + 1) * size, :] for k in range(len(odd) // points)]
-                halves.append(_product(ca.horzcat(*skew), odd))
-            sums.append(
-                ca.vec(join[:, : sum(each.shape[0] for each in halves)] @ ca.vertcat(*halves))
-            )
+        def added_up(parts: ca.MX, of: Array) -> ca.MX:
+            """Return the blocks of all pairs of nodes, of cells with these rows."""
+            cells, halves = parts.shape[1] // points, []
+            rows = [0, len(pairs) * half, parts.shape[0]]
+            for each, own in zip(ca.vertsplit(parts, rows), factors(of), strict=True):
+                if own.size:
+                    blocks, height = len(own) // points, each.shape[0] * points // len(own)
+                    at = np.arange(each.numel()).reshape(cells, points, blocks, height)
+                    together = _arranged(each, at.transpose(2, 1, 0, 3), len(own))
+                    back = np.arange(first.size * cells * height).reshape(first.size, cells, height)
+                    product = _product(together, own)
+                    halves.append(_arranged(product, back.transpose(1, 0, 2), first.size * cells))
+            return ca.vec(join[:, : sum(each.shape[0] for each in halves)] @ ca.vertcat(*halves))
+
+        # All cells with the same rows in one product: fewer operations to build, and quicker ones.
+        every = ca.horzsplit(parts, parts.shape[1] // len(self._of_cells))
+        sums = [added_up(*each) for each in zip(every, self._of_cells, strict=True)]
         at = self.indices[:, first][:, :, None, :], self.indices[:, second][:, :, :, None]
         row, column = (each.ravel() for each in np.broadcast_arrays(*at))
         upper = np.flatnonzero(row <= column)
         return row[upper], column[upper], ca.vertcat(*sums)[upper.tolist()]
+
+
+def _arranged(matrix: ca.MX, order: Indices, columns: int) -> ca.MX:
+    """Return the entries of a dense matrix in another order, by columns, as so many columns."""
+    entries = ca.densify(matrix).nz[order.ravel().tolist()]
+    return ca.reshape(entries, entries.numel() // columns, columns)
 
 
 def _product(matrix: ca.MX, factors: Array) -> ca.MX:

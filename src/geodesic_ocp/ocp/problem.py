@@ -363,7 +363,7 @@ class Problem(ABC):
         """Grid to start from unless another is requested; a subclass may choose its own.
 
         By default one polynomial of degree 20 for problems with conditions at the ends alone, whose
-        paths are smooth, and 16 segments of degree 4 for all others.
+        paths are smooth, and 16 segments of degree 4 for all others, which `solve` halves at first.
         """
         return _default_grid(parse_conditions(self))
 

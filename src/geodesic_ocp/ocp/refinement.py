@@ -172,7 +172,7 @@ def _levels(path: Path, violations: tuple[Array, Array], tolerance: float) -> ND
     """
     levels = np.zeros(path.grid.segments, dtype=int)
     errors = worst_by_segment(path, violations), unresolved_energy(path)
-    allowed = tolerance, tolerance * path.energy / path.grid.segments
+    allowed = tolerance, tolerance * path.discrete_energy / path.grid.segments
     for error, limit, order in zip(errors, allowed, (2, 3), strict=True):
         coarse = (error > limit) & (error > _FRACTION * error.max())
         needed = np.ceil(np.log2(error[coarse] / limit) / order).astype(int)

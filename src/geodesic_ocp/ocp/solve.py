@@ -371,7 +371,7 @@ def shared_ipopt(definition: ProblemDefinition, shape: Grid, settings: Settings)
 
 
 def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outcome) -> Solution:
-    """Return the solution under all conditions of a problem from one of an NLP with some of them."""
+    """Return the solution under all conditions of a problem, from an NLP with some of them."""
     bounds, units = nlp.bounds, nlp.units
     iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
     path = iterate.path

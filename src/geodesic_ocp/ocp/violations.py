@@ -212,6 +212,14 @@ def _at_ends(conditions: Conditions, path: Path) -> Iterator[_Values]:
         ends = {coordinate // n for coordinate in condition.coordinates}
         s = np.array([float(max(ends))]) if len(ends) == 1 else None
         yield condition, nodes[[0, -1]].ravel()[list(condition.coordinates)][:, None], s
+    for condition, (function, s) in zip(c.ends, _end_functions(c), strict=True):
+        yield condition, evaluate(function, *nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values), s
+
+
+@lru_cache(maxsize=4)
+def _end_functions(c: Conditions) -> list[tuple[ca.Function, Array | None]]:
+    """Return each condition at the ends as a function of both, and s if it depends on one only."""
+    found = []
     for condition in c.ends:
         first, last = (
             ca.depends_on(condition.expression, ca.vertcat(*pair))
@@ -219,8 +227,8 @@ def _at_ends(conditions: Conditions, path: Path) -> Iterator[_Values]:
         )
         symbols = [c.q0, c.q1, c.v0, c.v1, c.p]
         function = ca.Function("condition", symbols, [condition.expression])
-        values = evaluate(function, *nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values)
-        yield condition, values, None if first == last else np.array([float(last)])
+        found.append((function, None if first == last else np.array([float(last)])))
+    return found
 
 
 def _at_via(conditions: Conditions, path: Path) -> Iterator[_Values]:

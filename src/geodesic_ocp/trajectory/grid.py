@@ -145,9 +145,7 @@ class Grid(ShortRepr):
         themselves as quadrature points, a coarse path can bend between them where the metric is
         large, and the discrete energy falls below that of the geodesic.
         """
-        points, weights = legendre.leggauss(-(-3 * self.degree // 2))
-        values = _interpolation(_reference(self.degree), points)
-        slopes = values @ _reference(self.degree).differentiation
+        weights, values, slopes = _gauss(self.degree)
         return Quadrature(
             np.outer(self.widths, weights / 2.0),
             values,
@@ -205,6 +203,14 @@ def _interpolation(reference: _Reference, x: Array) -> Array:
     terms = reference.barycentric / np.where(on_node, 1.0, distance)
     rows = np.where(on_node.any(axis=1, keepdims=True), on_node, terms)
     return np.asarray(rows / rows.sum(axis=1, keepdims=True))
+
+
+@lru_cache(maxsize=64)
+def _gauss(degree: int) -> tuple[Array, Array, Array]:
+    """Return weights of Gauss points, and matrices to values and slopes there."""
+    points, weights = legendre.leggauss(-(-3 * degree // 2))
+    values = _interpolation(_reference(degree), points)
+    return weights, values, values @ _reference(degree).differentiation
 
 
 @lru_cache(maxsize=64)

@@ -1,0 +1,69 @@
+"""Of many conditions along a path, only those that may become active are part of the program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp import solve as solve_module
+from geodesic_ocp.ocp.problem import Equality, Inequality, parse_conditions
+
+
+@dataclass(frozen=True)
+class PlaneAmongDiscs(go.Problem):
+    """A straight line through one disc; the way around it leads through another."""
+
+    metric: go.Metric = field(default_factory=lambda: go.Euclidean(2))
+    centres: tuple[tuple[float, float], ...] = (
+        *((0.0, -0.1), (0.6, 0.36)),
+        *((x, y) for x in np.linspace(-1.2, 1.2, 12).tolist() for y in (-2.0, 2.0)),
+    )
+    radii: tuple[float, ...] = (0.5, 0.2, *(0.1,) * 24)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
+        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0))]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
+        discs = zip(self.centres, self.radii, strict=True)
+        return [(r, ca.norm_2(q - ca.DM(c)), np.inf, f"disc {c}") for c, r in discs]
+
+
+def test_conditions_are_added_where_a_path_violates_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = PlaneAmongDiscs()
+    few = go.solve(problem, tolerance=1e-6)
+    kept = [each.name for each in few.iterate.nlp.conditions.along_q]
+    assert kept == ["disc (0.0, -0.1)", "disc (0.6, 0.36)"]
+    monkeypatch.setattr(solve_module, "_FEW", len(problem.centres))
+    every = go.solve(problem, tolerance=1e-6)
+    assert few.stats.objective == pytest.approx(every.stats.objective, rel=1e-6)
+    assert few.multipliers.keys() == every.multipliers.keys()
+    for centre in problem.centres[2:]:
+        assert not np.any(few.multipliers[f"disc {centre}"])
+    path = few.path(np.linspace(0.0, 1.0, 2001))
+    for centre, radius in zip(problem.centres, problem.radii, strict=True):
+        assert np.linalg.norm(path - centre, axis=1).min() >= radius - 2e-6
+
+
+def test_distances_of_one_body_share_their_derivatives(arm: go.Model) -> None:
+    """Balls and capsules are numbers of one function, whose rows are those of the distances."""
+    balls = [go.Ball((0.1 * k, 0.5, 0.1), 0.05, name=f"ball {k}") for k in range(3)]
+    rod = go.Capsule((0.4, 0.3, 0.0), (0.4, 0.6, 0.2), 0.02, name="rod")
+    metric, ends = go.KineticEnergy(arm), ((0.0,) * 7, (0.2,) * 7)
+    problem = go.PointToPoint(metric, *ends, obstacles=(*balls, rod), links=("right hand",))
+    conditions = parse_conditions(problem)
+    bodies = sum(body.link == "right hand" for body in arm.bodies)
+    assert len(conditions.along_q) == 4 * bodies
+    assert len(conditions.in_groups) == 2 * bodies
+    nlp = problem.nlp(go.Grid(2, 3))
+    g = nlp.transcription.constraints(nlp.values["x0"], nlp.p)[0].full()[:, 0]
+    by_name = nlp.bounds.multipliers(np.zeros(nlp.nodes.size), g)
+    for node, q in enumerate(nlp.nodes):
+        distances = go.distances.signed_distances(arm, q, [*balls, rod], links=["right hand"])
+        for name, distance in distances.items():
+            assert_allclose(by_name[name][node], distance, rtol=0.0, atol=1e-12)
