@@ -12,21 +12,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Terms
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.ocp.conditions import Condition, NodeBounds, stacked
-from geodesic_ocp.ocp.nlp import ProblemDefinition
+from geodesic_ocp.ocp.nlp import ProblemDefinition, initial_nodes
 from geodesic_ocp.ocp.pose_search import search_simultaneously
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 _CLEAR = 1e-6  # violations, in the unit of the constraint, that a configuration may have
 _SPACING = 0.05  # [rad or m] between configurations that are checked along a line
+_BETWEEN = 4  # checks between two nodes of a detour
 _STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
 
 Jacobians: TypeAlias = tuple[Array, Array]
@@ -81,6 +84,13 @@ class FreeSpace:
         sign = np.where(g[worst, at] > self._limits[1][worst], 1.0, -1.0)
         return excess[worst, at], sign[:, None] * slopes
 
+    def is_clear(self, paths: Array) -> NDArray[np.bool_]:
+        """Return which polylines (m, k, n) are clear of all constraints, (m,)."""
+        parts = np.arange(_BETWEEN)[:, None] / _BETWEEN
+        between = paths[:, :-1, None] + parts * np.diff(paths, axis=1)[:, :, None]
+        excess = self.excess(between.reshape(-1, paths.shape[2])).reshape(len(paths), -1)
+        return np.asarray(excess.max(axis=1) <= _CLEAR)
+
     def is_free(self, start: Array, end: Array) -> bool:
         """Return whether a straight line is free, its ends not counted."""
         return len(self.prefix(start, end)) == _num_steps(start, end)
@@ -119,7 +129,10 @@ class FreeSpace:
         starts = starts if given is None else np.vstack([given, starts])
         found = search_simultaneously(pose_errors, starts, None, (lower, upper), 2 * _GOALS, np.inf)
         q = found.q[found.errors <= _CLEAR]
-        return q[self.excess(q) <= _CLEAR]
+        q = q[self.excess(q) <= _CLEAR]
+        near = self.bounds.ends[-1 - side]
+        distances = np.nansum((q - near) ** 2, axis=1)
+        return q[np.argsort(distances)[:_GOALS]]
 
 
 _AT_ONCE = 32  # configurations of a line that are checked in one call
@@ -172,51 +185,76 @@ class Guesses:
     definition: ProblemDefinition
     tried: list[str] = field(default_factory=list)
 
-    @property
-    def apply(self) -> bool:
-        """Whether there are constraints that a path may have to go around."""
-        return bool(self.definition.conditions.along_q)
+    def paths(self, several: bool) -> Iterator[tuple[str, Path | None]]:
+        """Yield different paths, with their names: None is the problem's own guess.
 
-    def paths(self) -> Iterator[tuple[str, Path]]:
-        """Yield different paths that meet the path constraints in q, each with its name."""
-        metric = self.definition.metric
-        space, rng = FreeSpace(self.definition), np.random.default_rng(0)
-        box = self._box(space)
-        starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
-        if not len(starts) or not len(goals):
-            self.tried.append("no end of a path was found that meets the constraints")
+        Only where there are path constraints, or `several` are wanted, is there another one.
+        """
+        space, metric = FreeSpace(self.definition), self.definition.metric
+        if not (several or self.definition.conditions.along_q):
+            yield "", None
             return
-        distances = np.linalg.norm(starts[:, None] - goals[None], axis=2)
-        starts = starts[np.argsort(distances.min(axis=1))][:_GOALS]
-        goals = goals[np.argsort(distances.min(axis=0))][:_GOALS]
-        seen: list[Array] = []
-        free = list(_detours(space, starts[0], goals, box, metric))
-        self.tried.append(f"{len(free)} detours clear of violated constraints")
-        for number, q in enumerate(free):
-            if _is_new(q, seen):
-                yield f"detour {number + 1}", Path.through(metric, q)
+        own = initial_nodes(self.definition, _GRID)
+        self.tried.append(
+            "the problem's guess" if self.definition.guess(_S) is not None else "the straight line"
+        )
+        box = _box(space, own, metric)
+        is_clear = space.is_clear(own[None])[0]
+        seen = [own] if is_clear else []
+        if is_clear:
+            yield "", None
+        detours = [q for q in _detours(space, own, box, metric) if _is_new(q, seen)][:_DETOURS]
+        for number, q in enumerate(detours):
+            self.tried.append(f"detour {number + 1}")
+            yield self.tried[-1], Path.through(metric, q)
+            if not (is_clear or number):
+                yield "", None
+        if not (is_clear or detours):
+            yield "", None
         for seed in range(_SEEDS):
-            waypoints = connect(space, starts, goals, box, np.random.default_rng(seed))
-            if waypoints is None:
-                self.tried.append(f"a sampling planner ({_SAMPLES} samples) that found no path")
+            rng = np.random.default_rng(seed)
+            starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
+            if not len(starts) or not len(goals):
+                self.tried.append("no end of a path was found that meets the constraints")
                 return
-            path = Path.through(metric, shortcut(space, waypoints, np.random.default_rng(seed)))
-            if _is_new(path(_S), seen):
-                self.tried.append(f"a path of a sampling planner (seed {seed})")
-                yield f"planner {seed}", path
+            waypoints = connect(space, starts, goals, box, rng)
+            if waypoints is None:
+                self.tried.append(f"a sampling planner that found no path in {_SAMPLES} samples")
+                return
+            waypoints = shortcut(space, waypoints, rng)
+            if np.isfinite(_energy(metric, waypoints)):
+                path = Path.through(metric, waypoints)
+                if _is_new(path(_S), seen):
+                    self.tried.append(f"planner {seed + 1}")
+                    yield self.tried[-1], path
 
-    def _box(self, space: FreeSpace) -> tuple[Array, Array]:
-        """Return bounds (n,) of samples: of the problem, or around both ends."""
-        lower, upper = space.bounds.lower[1], space.bounds.upper[1]
-        ends = np.nan_to_num(space.bounds.ends)
-        least, most = ends.min(axis=0), ends.max(axis=0)
-        periods = np.array(self.definition.metric.periods or np.zeros(lower.size))
-        around = np.maximum(np.where(periods > 0.0, periods / 2.0, most - least), 1.0)
-        return np.maximum(lower, least - around), np.minimum(upper, most + around)
+
+def _box(space: FreeSpace, own: Array, metric: Metric) -> tuple[Array, Array]:
+    """Return bounds (n,) of samples: those of the problem, but not far from a path."""
+    lower, upper = space.bounds.lower[1], space.bounds.upper[1]
+    least, most = own.min(axis=0), own.max(axis=0)
+    periods = np.array(metric.periods or np.zeros(lower.size))
+    around = np.maximum(np.where(periods > 0.0, periods / 2.0, most - least), 1.0)
+    wide = ~np.isfinite(upper - lower)
+    return (
+        np.where(wide, np.maximum(lower, least - around), lower),
+        np.where(wide, np.minimum(upper, most + around), upper),
+    )
+
+
+def _energy(metric: Metric, q: Array) -> float:
+    """Return energy of the polyline through points (k, n); infinite where there is no metric, or
+    no motion.
+    """
+    steps = np.diff(q, axis=0)
+    length = float(np.sum(speeds_at(metric, q[:-1] + steps / 2.0, steps)))
+    return length**2 / 2.0 if length > 0.0 else np.inf
 
 
 _SEEDS = 20
-_S = np.linspace(0.0, 1.0, 25)
+_DETOURS = 3  # of them that are tried
+_GRID = Grid(12, 2)  # of detours
+_S = _GRID.nodes
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
 
 
@@ -228,62 +266,61 @@ def _is_new(q: Array, seen: list[Array]) -> bool:
 
 
 _ROUNDS, _FIRM = 12, 30.0  # of pushing and smoothing; weight of pushed against smooth
-_OFFSET = 0.3  # of the box, or a radian: how far a detour leads off the straight line
+_OFFSET = 0.3  # of the box, or a radian: how far a detour leads aside
+_MARGIN = 0.1  # of the violations on the straight line, by which nodes are pushed clear of them
+_LONGEST = 0.3  # step of a node [rad or m]
 
 
-def _detours(
-    space: FreeSpace, start: Array, goals: Array, box: tuple[Array, Array], metric: Any
-) -> list[Array]:
-    """Return paths (25, n) clear of violated constraints, that of the least energy first."""
-    middles = (start + goals) / 2.0
-    n = start.size
-    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(n)
-    corners = [(middles[0], goals[0])]
-    corners += [(middle, goal) for middle, goal in zip(middles[1:], goals[1:], strict=True)]
-    corners += [(middles[0] + sign * each, goals[0]) for each in offsets for sign in (1.0, -1.0)]
-    half = 2.0 * np.minimum(_S, 1.0 - _S)[:, None]
-    lines = [start + _S[:, None] * (goal - start) for _, goal in corners]
-    paths = np.array(
-        [
-            line + half * (np.clip(middle, *box) - (start + goal) / 2.0)
-            for line, (middle, goal) in zip(lines, corners, strict=True)
-        ]
-    )
-    paths = _pushed_out(space, paths)
-    free = [q for q in paths if all(map(space.is_free, q, q[1:]))]
-    return sorted(free, key=lambda q: Path.through(metric, q).discrete_energy)
+def _detours(space: FreeSpace, own: Array, box: tuple[Array, Array], metric: Metric) -> list[Array]:
+    """Return paths (25, n) clear of violated constraints, that of the least energy first.
+
+    A path, and detours from it to either side in every coordinate, are moved out of violated
+    constraints and smoothed.
+    """
+    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(own.shape[1])
+    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])
+    bumps = 2.0 * np.minimum(_S, 1.0 - _S)[:, None] * beside[:, None]
+    paths = _pushed_out(space, np.clip(own + bumps, *box), metric.matrix(own[len(own) // 2]))
+    free = [(_energy(metric, q), q) for q in paths[space.is_clear(paths)]]
+    finite = [each for each in free if np.isfinite(each[0])]
+    return [q for _, q in sorted(finite, key=lambda each: each[0])]
 
 
-def _pushed_out(space: FreeSpace, paths: Array) -> Array:
+def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
     """Return paths (m, k, n) moved out of violated constraints and smoothed in turn."""
-    count, size, n = paths.shape
+    size, n = paths.shape[1:]
+    paths, margin = paths.copy(), 0.0
     # min sum |q_i+1 - q_i|^2 / 2 + firm sum_i pushed_i |q_i - target_i|^2 / 2 with both ends fixed.
     stretch = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
-    lower, upper = space.bounds.lower[1], space.bounds.upper[1]
+    rest = np.arange(len(paths))
     for _ in range(_ROUNDS):
-        excess, slopes = space.outward(paths.reshape(-1, n))
-        excess[np.isinf(excess)] = -1.0  # there is no way out of where it is not defined
-        violated = excess > -3.0 * _MARGIN
-        if not np.any(excess > 0.0):
-            break
-        square = np.maximum((slopes * slopes).sum(axis=1), 1e-12)
-        steps = -((excess + 2.0 * _MARGIN) / square)[:, None] * slopes
-        length = np.linalg.norm(steps, axis=1, keepdims=True)
-        steps *= np.minimum(1.0, _LONGEST / np.maximum(length, 1e-12))
-        steps = np.where(violated[:, None], steps, 0.0).reshape(paths.shape)
-        steps[:, [0, -1]] = 0.0
-        targets = paths + steps
-        weights = _FIRM * violated.reshape(count, size)
+        q = paths[rest]
+        excess, slopes = space.outward(q.reshape(-1, n))
+        excess[np.isinf(excess)] = -np.inf  # there is no way out of where it is not defined
+        if not margin:
+            straight, every = excess[:size].max(), excess.max()
+            margin = _MARGIN * max(straight if straight > 0.0 else every, _CLEAR)
+        worst = excess.reshape(len(rest), size)[:, 1:-1].max(axis=1)
+        pushed = excess > -1.5 * margin
+        raised = np.linalg.solve(tensor, slopes.T).T  # the direction of least energy
+        square = np.maximum((raised * slopes).sum(axis=1), _TINY)
+        steps = -(np.where(pushed, excess + margin, 0.0) / square)[:, None] * raised
+        lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+        steps *= np.minimum(1.0, _LONGEST / np.maximum(lengths, _TINY))
+        weights = _FIRM * pushed.reshape(len(rest), size)
         matrices = stretch + np.eye(size) * weights[:, None]
-        right = weights[:, :, None] * targets
-        right[:, [0, -1]] = paths[:, [0, -1]]
-        matrices[:, [0, -1]] = np.eye(size)[[0, -1]]
-        paths = np.clip(np.linalg.solve(matrices, right), lower, upper)
+        right = weights[:, :, None] * (q + steps.reshape(q.shape))
+        right[:, [0, -1]], matrices[:, [0, -1]] = q[:, [0, -1]], np.eye(size)[[0, -1]]
+        violated = worst > -0.5 * margin
+        rest = rest[violated]
+        if not len(rest):
+            break
+        smooth = np.linalg.solve(matrices[violated], right[violated])
+        paths[rest] = np.clip(smooth, space.bounds.lower[1], space.bounds.upper[1])
     return paths
 
 
-_MARGIN = 1e-3  # by which nodes are pushed clear of violated constraints
-_LONGEST = 0.3  # step of a node [rad or m]
+_TINY = 1e-12
 
 _SAMPLES = 2000
 _EACH = 8  # every so many configurations of a line become nodes of a tree

@@ -172,7 +172,7 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     bounds = NodeBounds.on_grid(conditions, grid, metric.joint_names)
     transcription = definition.transcription(grid)
     _check_fixed_ends(conditions, metric, bounds)
-    nodes = _initial_nodes(definition, grid, bounds, guess)
+    nodes = initial_nodes(definition, grid, guess)
     units = _units(definition, transcription, grid, nodes)
     return NLP(definition, transcription, grid, bounds, units, nodes)
 
@@ -205,10 +205,10 @@ def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | No
     return grid.with_via_points([(number + 1) / (count + 1) for number in range(count)])
 
 
-def _initial_nodes(
-    definition: ProblemDefinition, grid: Grid, bounds: NodeBounds, guess: Path | None
-) -> Array:
+def initial_nodes(definition: ProblemDefinition, grid: Grid, guess: Path | None = None) -> Array:
     """Get positions (size, n) of the initial guess, with the fixed coordinates at their values."""
+    conditions, names = definition.conditions, definition.metric.joint_names
+    bounds = NodeBounds.on_grid(conditions, grid, names)
     given = guess(grid.nodes) if guess is not None else definition.guess(grid.nodes)
     if given is None:
         start, end = bounds.ends

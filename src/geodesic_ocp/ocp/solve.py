@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias, overload
 
@@ -41,6 +41,8 @@ _STEP = 0.1
 FILTER = {"gamma_theta": 0.9, "max_soc": 0}
 # If the guess is nearly a solution, Ipopt must not push it far from its bounds.
 NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
+# From a path beside obstacles it stays on their side; on `NEAR` it stops at the first optimum.
+_BESIDE = {**NEAR, "mu_init": 1e-3}
 _FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
 _SAME = 1e-5  # relative difference of the objectives of one solution on one grid
 # If there are multipliers as well, it need not estimate them.
@@ -171,45 +173,46 @@ def solve(
         if grid is None and isinstance(guess, Path) and not conditions.via:
             first = resolving(first, guess, profile)
         solution = solver.solve_from(first, guess)
-        if any(map(partial(_is_same, solution), others)):
-            return solution
+        if solution.stats.success and (same := [o for o in others if _is_same(solution, o)]):
+            return same[0]
         if tolerance is not None or grid is None:
             return refine(solver, profile, solution, tolerance, guess)
         return meeting_conditions(solution, "leave grid out, or set tolerance")
 
-    solution = solved(guess)
-    if guess is None and not conditions.via:
-        solution = _best_of(solution, solved, Guesses(definition), num_starts)
+    if guess is not None or conditions.via:
+        solution = solved(guess)
+    else:
+        solution = _best_of(solved, Guesses(definition), num_starts)
     if throw and not solution.stats.success:
         raise NotConverged(describe_failure(solution), solution)
     return solution
 
 
-_ATTEMPTS = 6  # guesses after the first, if no solution is found
+_ATTEMPTS = 6  # guesses, if none leads to a solution
 
 
 def _best_of(
-    first: Solution, solved: Callable[..., Solution], guesses: Guesses, num_starts: int
+    solved: Callable[[Path | None, Sequence[Solution]], Solution], guesses: Guesses, num_starts: int
 ) -> Solution:
-    """Return the best of the solutions from so many guesses, the first if none of them is one."""
-    found = [first] if first.stats.success else []
-    last, attempts = first, 1
-    if first.stats.status == STOPPED or (num_starts == len(found)) or not guesses.apply:
-        return first
-    for name, path in guesses.paths():
-        last = solved(path, found)
-        attempts += 1
-        if last.stats.status == STOPPED:
-            return last
-        if last.stats.success and not any(map(partial(_is_same, last), found)):
-            found.append(replace(last, stats=replace(last.stats, guess=name)))
-        if attempts >= (num_starts if found else max(num_starts, 1 + _ATTEMPTS)):
+    """Return the best of the solutions from so many guesses, or from the first that leads to one;
+    if there is none, the last iterate from the first guess.
+    """
+    found: list[Solution] = []
+    failed: list[Solution] = []
+    for number, (name, path) in enumerate(guesses.paths(num_starts > 1), 1):
+        solution = solved(path, found)
+        if solution.stats.status == STOPPED:
+            return solution
+        solution = replace(solution, stats=replace(solution.stats, guess=name))
+        (found if solution.stats.success else failed).append(solution)
+        if number >= (num_starts if found else max(num_starts, _ATTEMPTS)):
             break
     if found:
         return min(found, key=lambda each: each.stats.objective)
-    stats = first.stats
-    status = f"{stats.status}; nor from {', '.join(guesses.tried)}"
-    return replace(first, stats=replace(stats, status=status))
+    stats = failed[0].stats
+    tried = ", ".join(guesses.tried)
+    status = f"{stats.status}, from {tried}" if len(guesses.tried) > 1 else stats.status
+    return replace(failed[0], stats=replace(stats, status=status))
 
 
 def _check_refinable(conditions: Conditions) -> None:
@@ -257,7 +260,7 @@ class _Solver:
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
         nlp = build_nlp(self.definition, grid, guess)
-        near = NEAR if guess is not None and nlp.violation <= _FEASIBLE else {}
+        near = _BESIDE if guess is not None and nlp.violation <= _FEASIBLE else {}
         return self._optimize_via(self._solve_nlp(nlp, near))
 
     def solve_from(self, grid: Grid, start: Path | Solution | None) -> Solution:
