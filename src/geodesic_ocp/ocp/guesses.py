@@ -123,11 +123,9 @@ class FreeSpace:
         if any(ca.depends_on(each.expression, others) for each in held):
             return np.zeros((0, fixed.size))
         pose_errors = _EndErrors(self, own, held)
-        lower, upper = (np.where(np.isnan(fixed), each, fixed) for each in box)
-        given = self.definition.guess(np.array([float(at_end)]))
-        starts = rng.uniform(lower, upper, (_STARTS, fixed.size))
-        starts = starts if given is None else np.vstack([given, starts])
-        found = search_simultaneously(pose_errors, starts, None, (lower, upper), 2 * _GOALS, np.inf)
+        limits = self.bounds.lower[side], self.bounds.upper[side]
+        starts = rng.uniform(*box, (_STARTS, fixed.size))
+        found = search_simultaneously(pose_errors, starts, None, limits, 2 * _GOALS, np.inf)
         q = found.q[found.errors <= _CLEAR]
         q = q[self.excess(q) <= _CLEAR]
         near = self.bounds.ends[-1 - side]
@@ -144,6 +142,8 @@ def _num_steps(start: Array, end: Array) -> int:
 
 def _mapped(terms: Terms, q: Array, p: Array) -> list[Array]:
     """Return values and entries of the Jacobian at configurations (k, n), one column each."""
+    if not len(q):
+        return [np.zeros((terms.size_g, 0)), np.zeros((terms.jacobian_entries[0].size, 0))]
     arguments = ca.DM(q.T), ca.repmat(ca.DM(p), 1, len(q))
     return [each.full() for each in terms.mapped("jacobian", len(q), arguments)]
 
@@ -179,10 +179,12 @@ class Guesses:
 
     Attributes:
         definition: definition of the problem, without via points.
+        grid: on which the problem's own guess is evaluated.
         tried: what was tried, in words; it grows as `paths` yields.
     """
 
     definition: ProblemDefinition
+    grid: Grid
     tried: list[str] = field(default_factory=list)
 
     def paths(self, several: bool) -> Iterator[tuple[str, Path | None]]:
@@ -194,10 +196,8 @@ class Guesses:
         if not (several or self.definition.conditions.along_q):
             yield "", None
             return
-        own = initial_nodes(self.definition, _GRID)
-        self.tried.append(
-            "the problem's guess" if self.definition.guess(_S) is not None else "the straight line"
-        )
+        own = Path(metric, self.grid, initial_nodes(self.definition, self.grid))(_S)
+        self.tried.append("the initial guess")
         box = _box(space, own, metric)
         is_clear = space.is_clear(own[None])[0]
         seen = [own] if is_clear else []
@@ -217,7 +217,8 @@ class Guesses:
             if not len(starts) or not len(goals):
                 self.tried.append("no end of a path was found that meets the constraints")
                 return
-            waypoints = connect(space, starts, goals, box, rng)
+            around = _box(space, np.vstack([own, starts, goals]), metric)
+            waypoints = connect(space, starts, goals, around, rng)
             if waypoints is None:
                 self.tried.append(f"a sampling planner that found no path in {_SAMPLES} samples")
                 return
@@ -233,8 +234,10 @@ def _box(space: FreeSpace, own: Array, metric: Metric) -> tuple[Array, Array]:
     """Return bounds (n,) of samples: those of the problem, but not far from a path."""
     lower, upper = space.bounds.lower[1], space.bounds.upper[1]
     least, most = own.min(axis=0), own.max(axis=0)
-    periods = np.array(metric.periods or np.zeros(lower.size))
-    around = np.maximum(np.where(periods > 0.0, periods / 2.0, most - least), 1.0)
+    periods = np.array(metric.periods or np.zeros(lower.size))  # infinite if there is none
+    around = np.maximum(
+        np.where(np.isfinite(periods), periods / 2.0, 0.0), max(_AROUND * np.max(most - least), 1.0)
+    )
     wide = ~np.isfinite(upper - lower)
     return (
         np.where(wide, np.maximum(lower, least - around), lower),
@@ -251,10 +254,10 @@ def _energy(metric: Metric, q: Array) -> float:
     return length**2 / 2.0 if length > 0.0 else np.inf
 
 
+_AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
 _SEEDS = 20
-_DETOURS = 3  # of them that are tried
-_GRID = Grid(12, 2)  # of detours
-_S = _GRID.nodes
+_DETOURS = 2  # of them that are tried
+_S = np.linspace(0.0, 1.0, 25)  # of detours
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
 
 
@@ -274,13 +277,15 @@ _LONGEST = 0.3  # step of a node [rad or m]
 def _detours(space: FreeSpace, own: Array, box: tuple[Array, Array], metric: Metric) -> list[Array]:
     """Return paths (25, n) clear of violated constraints, that of the least energy first.
 
-    A path, and detours from it to either side in every coordinate, are moved out of violated
-    constraints and smoothed.
+    The problem's own path, the straight line between its ends, and detours from that to either
+    side in every coordinate are moved out of violated constraints and smoothed.
     """
     offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(own.shape[1])
-    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])
-    bumps = 2.0 * np.minimum(_S, 1.0 - _S)[:, None] * beside[:, None]
-    paths = _pushed_out(space, np.clip(own + bumps, *box), metric.matrix(own[len(own) // 2]))
+    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])[:, None]
+    s = _S[:, None]
+    detours = own[0] + s * (own[-1] - own[0]) + 2.0 * np.minimum(s, 1.0 - s) * beside
+    paths = np.concatenate([own[None], np.clip(detours, *box)])
+    paths = _pushed_out(space, paths, metric.matrix(own[len(own) // 2]))
     free = [(_energy(metric, q), q) for q in paths[space.is_clear(paths)]]
     finite = [each for each in free if np.isfinite(each[0])]
     return [q for _, q in sorted(finite, key=lambda each: each[0])]
@@ -328,41 +333,35 @@ _REACH = 1.5  # [rad or m]: longest line towards a sample
 
 
 class _Tree:
-    """Configurations, each with the index of the one it was reached from."""
+    """Configurations q (k, n), each with the index of the one it was reached from."""
 
     def __init__(self, roots: Array) -> None:
-        self._q = list(roots)
-        self._parents = [-1] * len(roots)
-
-    def nearest(self, q: Array) -> int:
-        return int(np.argmin(np.sum((np.array(self._q) - q) ** 2, axis=1)))
+        self.q, self._parents = roots, [-1] * len(roots)
 
     def grow(self, space: FreeSpace, q: Array, longest: float) -> tuple[int, bool]:
         """Extend the nearest node towards a configuration; its last node, and whether it is
         reached.
         """
-        node = self.nearest(q)
-        start = self._q[node]
+        node = int(np.argmin(np.sum((self.q - q) ** 2, axis=1)))
+        start = self.q[node]
         distance = float(np.linalg.norm(q - start))
         end = start + (q - start) * min(1.0, longest / max(distance, _SPACING))
         line = space.prefix(start, end)
-        reached = len(line) == _num_steps(start, end)
-        for each in [*line[_EACH - 1 : -1 : _EACH], *line[-1:]]:
-            self._q.append(each)
-            self._parents.append(node)
-            node = len(self._q) - 1
-        return node, reached and longest >= distance
+        reached = len(line) == _num_steps(start, end) and longest >= distance
+        new = np.vstack([line[_EACH - 1 : -1 : _EACH], line[-1:]])
+        if len(new):
+            self._parents += [node, *range(len(self.q), len(self.q) + len(new) - 1)]
+            self.q = np.vstack([self.q, new])
+            node = len(self.q) - 1
+        return node, reached
 
     def branch(self, node: int) -> list[Array]:
         """Return the configurations from a node to its root."""
         found = []
         while node >= 0:
-            found.append(self._q[node])
+            found.append(self.q[node])
             node = self._parents[node]
         return found
-
-    def __getitem__(self, node: int) -> Array:
-        return np.asarray(self._q[node])
 
 
 def connect(
@@ -378,9 +377,9 @@ def connect(
     trees = _Tree(starts), _Tree(goals)
     for number in range(_SAMPLES):
         one, other = trees[number % 2], trees[1 - number % 2]
-        sample = rng.uniform(*box) if number > 1 else other[0]
+        sample = rng.uniform(*box) if number > 1 else other.q[0]
         node, _ = one.grow(space, sample, _REACH)
-        met, reached = other.grow(space, one[node], np.inf)
+        met, reached = other.grow(space, one.q[node], np.inf)
         if reached:
             first, last = one.branch(node), other.branch(met)
             joined = [*first[::-1], *last[1:]]

@@ -157,6 +157,7 @@ def solve(
     if not isinstance(guess, Path | Solution | None):
         raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
     definition = problem.definition()
+    definition = replace(definition, guess=_remembered(definition.guess))
     solver = _Solver(problem, definition, dict(ipopt or {}), callback)
     conditions = definition.conditions
     if guess is not None and num_starts > 1:
@@ -182,10 +183,23 @@ def solve(
     if guess is not None or conditions.via:
         solution = solved(guess)
     else:
-        solution = _best_of(solved, Guesses(definition), num_starts)
+        first = definition.grid if grid is None else grid
+        solution = _best_of(solved, Guesses(definition, first), num_starts)
     if throw and not solution.stats.success:
         raise NotConverged(describe_failure(solution), solution)
     return solution
+
+
+def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Array | None]:
+    """Return a guess that is computed once on every grid, as inverse kinematics may be slow."""
+    memory: dict[bytes, Array | None] = {}
+
+    def remembered(s: Array) -> Array | None:
+        if (key := s.tobytes()) not in memory:
+            memory[key] = guess(s)
+        return memory[key]
+
+    return remembered
 
 
 _ATTEMPTS = 6  # guesses, if none leads to a solution
@@ -195,7 +209,7 @@ def _best_of(
     solved: Callable[[Path | None, Sequence[Solution]], Solution], guesses: Guesses, num_starts: int
 ) -> Solution:
     """Return the best of the solutions from so many guesses, or from the first that leads to one;
-    if there is none, the last iterate from the first guess.
+    if there is none, the last iterate from the problem's guess.
     """
     found: list[Solution] = []
     failed: list[Solution] = []
@@ -209,10 +223,11 @@ def _best_of(
             break
     if found:
         return min(found, key=lambda each: each.stats.objective)
-    stats = failed[0].stats
-    tried = ", ".join(guesses.tried)
-    status = f"{stats.status}, from {tried}" if len(guesses.tried) > 1 else stats.status
-    return replace(failed[0], stats=replace(stats, status=status))
+    last = min(failed, key=lambda each: each.stats.guess != "")
+    if len(guesses.tried) < 2:
+        return last
+    status = f"{last.stats.status} (tried: {', '.join(guesses.tried)})"
+    return replace(last, stats=replace(last.stats, status=status))
 
 
 def _check_refinable(conditions: Conditions) -> None:
