@@ -35,9 +35,6 @@ _MAX_SEGMENTS = 400
 _FRACTION = 0.1
 # After this many rounds, an objective larger by this factor has diverged.
 _PATIENCE, _WORSE = 3, 1.2
-# A path that jumps through an obstacle violates it by no less on finer grids: other violations
-# fall by more than this factor in `_PATIENCE` rounds.
-_STUCK = 0.5
 
 
 class SolveOn(Protocol):
@@ -140,7 +137,10 @@ def _halved_until_fine(
         if tolerance is None:
             is_fine = not _violates(found)
             coarse = worst_by_segment(path, violations) > BETWEEN_NODES
-            diverged = min(path.grid.widths) < _NARROWEST
+            # The energy of a jump doubles as its segment is halved.
+            before = stats.mesh_history[-2:][0].objective
+            jumps = stats.objective > _WORSE * before > 0.0
+            diverged = jumps or min(path.grid.widths) < _NARROWEST
         else:
             is_settled = change <= tolerance * abs(stats.objective)
             is_fine = is_settled and stats.max_path_violation <= tolerance
@@ -148,9 +148,6 @@ def _halved_until_fine(
             diverged = stats.objective > _WORSE * first.stats.objective > 0.0
         if is_fine:
             return found, None
-        earlier = [each.max_path_violation for each in stats.mesh_history[:-_PATIENCE]]
-        allowed = BETWEEN_NODES if tolerance is None else tolerance
-        diverged |= stats.max_path_violation > max(_STUCK * (earlier or [np.inf])[-1], allowed)
         too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
         if not (diverged and number >= _PATIENCE) and not too_many and number + 1 < _MAX_ROUNDS:
             return found, (found, halved(path.grid, coarse))
