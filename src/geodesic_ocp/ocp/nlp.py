@@ -49,8 +49,7 @@ class ProblemDefinition(ShortRepr):
 
     def initial_path(self, grid: Grid, guess: Path | None) -> Path:
         """Return the initial guess on a grid: the given one, the problem's or a straight line."""
-        bounds = NodeBounds.on_grid(self.conditions, grid, self.metric.joint_names)
-        return Path(self.metric, grid, _initial_nodes(self, grid, bounds, guess))
+        return Path(self.metric, grid, initial_nodes(self, grid, guess))
 
     def transcription(self, grid: Grid) -> Transcription:
         """Return the NLP on all grids of this shape, built once for all problems with this key."""
@@ -130,6 +129,12 @@ class NLP(ShortRepr):
         f, g = self.transcription.value(x, p)
         return {"x": x, "p": p, "f": f, "g": g}
 
+    @property
+    def violation(self) -> float:
+        """Largest violation of any condition at the nodes of the initial guess."""
+        _, g = self.transcription.value(self.units.scaled(self.nodes).ravel(), self.p)
+        return self.bounds.worst(self.nodes, g.full()[:, 0])[0]
+
     def not_finite(self) -> list[str]:
         """Get names of the expressions that are not finite or not differentiable on the guess."""
         c, grid, metric = self.conditions, self.grid, self.definition.metric
@@ -177,7 +182,7 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     bounds = NodeBounds.on_grid(conditions, grid, metric.joint_names)
     transcription = definition.transcription(grid)
     _check_fixed_ends(conditions, metric, bounds)
-    nodes = _initial_nodes(definition, grid, bounds, guess)
+    nodes = initial_nodes(definition, grid, guess)
     units = _units(definition, transcription, grid, nodes)
     return NLP(definition, transcription, grid, bounds, units, nodes)
 
@@ -210,10 +215,10 @@ def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | No
     return grid.with_via_points([(number + 1) / (count + 1) for number in range(count)])
 
 
-def _initial_nodes(
-    definition: ProblemDefinition, grid: Grid, bounds: NodeBounds, guess: Path | None
-) -> Array:
+def initial_nodes(definition: ProblemDefinition, grid: Grid, guess: Path | None = None) -> Array:
     """Get positions (size, n) of the initial guess, with the fixed coordinates at their values."""
+    conditions, names = definition.conditions, definition.metric.joint_names
+    bounds = NodeBounds.on_grid(conditions, grid, names)
     given = guess(grid.nodes) if guess is not None else definition.guess(grid.nodes)
     if given is None:
         start, end = bounds.ends

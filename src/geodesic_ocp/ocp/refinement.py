@@ -140,7 +140,10 @@ def _halved_until_fine(
         if tolerance is None:
             is_fine = not _violates(found)
             levels = (worst_by_segment(path, violations) > BETWEEN_NODES).astype(int)
-            diverged = min(path.grid.widths) < _NARROWEST
+            # The energy of a jump doubles as its segment is halved.
+            before = stats.mesh_history[-2:][0].objective
+            jumps = stats.objective > _WORSE * before > 0.0
+            diverged = jumps or min(path.grid.widths) < _NARROWEST
         else:
             is_settled = change <= tolerance * abs(stats.objective)
             is_fine = is_settled and stats.max_path_violation <= tolerance
@@ -227,6 +230,24 @@ def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
     every = np.sort(np.concatenate([ends, middle]))
     via_segments = tuple(np.searchsorted(every, grid.via_s).tolist())
     return Grid(every.size - 1, grid.degree, tuple(every.tolist()), via_segments)
+
+
+_RESOLVED, _HALVINGS = 1e-2, 3
+
+
+def resolving(grid: Grid, guess: Path, profile: ViolationProfile) -> Grid:
+    """Return the grid with segments halved until a guess on it meets the path constraints roughly,
+    where the guess itself does.
+    """
+    if profile(guess)[1].max() > _RESOLVED:
+        return grid
+    for _ in range(_HALVINGS):
+        path = Path(guess.metric, grid, guess(grid.nodes))
+        coarse = worst_by_segment(path, profile(path)) > _RESOLVED
+        if not np.any(coarse):
+            break
+        grid = halved(grid, coarse)
+    return grid
 
 
 _MAX_UPDATES = 30

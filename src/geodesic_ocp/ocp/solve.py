@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -10,17 +10,23 @@ from typing import Any, TypeAlias, overload
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_integer, as_positive
 from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
+from geodesic_ocp.ocp.guesses import Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
-from geodesic_ocp.ocp.refinement import meeting_conditions, refine, with_optimal_via_points
+from geodesic_ocp.ocp.refinement import (
+    meeting_conditions,
+    refine,
+    resolving,
+    with_optimal_via_points,
+)
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import find_violations, may_become_active, violation_profile
@@ -42,6 +48,10 @@ _STEP = 0.1
 FILTER = {"gamma_theta": 0.9, "max_soc": 0}
 # If the guess is nearly a solution, Ipopt must not push it far from its bounds.
 NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
+# From a path beside obstacles it stays on their side; on `NEAR` it stops at the first optimum.
+_BESIDE = {**NEAR, "mu_init": 1e-3}
+_FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
+_SAME = 1e-5  # relative difference of the objectives of one solution on one grid
 # If there are multipliers as well, it need not estimate them.
 _WARM_START = {
     "warm_start_init_point": "yes",
@@ -72,6 +82,7 @@ def solve(
     throw: bool = True,
     callback: Callback | None = None,
     ipopt: Mapping[str, Any] | None = None,
+    num_starts: int = 1,
 ) -> Solution: ...
 def solve(
     problem: Problem | MotionProblem,
@@ -82,6 +93,7 @@ def solve(
     throw: bool = True,
     callback: Callback | None = None,
     ipopt: Mapping[str, Any] | None = None,
+    num_starts: int = 1,
 ) -> Solution | MotionSolution:
     """Return the path of least energy under the problem's conditions, a local solution.
 
@@ -90,13 +102,18 @@ def solve(
 
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
+    If the problem's own guess, by default the straight line, leads to no solution, and there are
+    path constraints in q, detours around them are tried, then paths of a sampling planner. The
+    same call always gives the same solution; `stats.guess` names the guess that led to it.
+
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
             `geodesic_ocp.ocp.motion_problem.solve_motion`.
         grid: grid of the nodes; the solution has this grid. None: the problem's own, refined where
             conditions are violated between the nodes by more than 1e-4, each in its unit.
-        guess: path or solution to start from, on any grid; by default the problem's guess, or the
-            straight line. A solution is a warm start.
+        guess: path or solution to start from, on any grid, alone; by default the problem's guess,
+            or the straight line. A solution is a warm start. From a path that meets the conditions,
+            such as `Path.through(metric, waypoints)`, the search stays near it.
         tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
             and the objective changes by less, relative, from one grid to the next;
             stats.mesh_history lists the solves.
@@ -105,6 +122,8 @@ def solve(
         callback: called with an `Iterate` in every iteration of Ipopt, and stops it by returning
             True. Numbers start anew on every grid.
         ipopt: options of Ipopt, by name.
+        num_starts: solve from so many guesses, if there are as many different ones, and return the
+            best solution.
 
     Raises:
         ValueError: the problem is malformed; its fixed ends violate its own conditions; or a
@@ -125,6 +144,7 @@ def solve(
     """
     options: dict[str, object] = {"grid": grid, "guess": guess, "tolerance": tolerance}
     options |= {"callback": callback, "ipopt": ipopt}
+    options["num_starts"] = None if as_integer("num_starts", num_starts, 1) == 1 else num_starts
     given = [name for name, value in options.items() if value is not None]
     if isinstance(problem, MotionProblem):
         if given:
@@ -148,21 +168,76 @@ def solve(
     if not isinstance(guess, Path | Solution | None):
         raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
     definition = problem.definition()
+    definition = replace(definition, guess=_remembered(definition.guess))
+    conditions = definition.conditions
+    if guess is not None and num_starts > 1:
+        raise ValueError("num_starts: other guesses are found only where no guess is given")
+    if conditions.via and num_starts > 1:
+        raise ValueError("num_starts: problems with via points are solved from one guess")
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
-        _check_refinable(definition.conditions)
+        _check_refinable(conditions)
     settings, tight = dict(ipopt or {}), _ipopt_tolerance(tolerance)
-    solver = _Solver(problem, definition, definition.conditions, settings, callback, tight)
-    if grid is None:
-        solution = _solve_on_fitting_grid(solver, tolerance, guess)
-    elif tolerance is not None:
-        solution = _refined(solver, solver.solve_from(grid, guess), tolerance, guess)
-    else:
+    solver = _Solver(problem, definition, conditions, settings, callback, tight)
+    first = definition.grid if grid is None else grid
+
+    def solved(guess: Path | Solution | None, others: Sequence[Solution] = ()) -> Solution:
+        if grid is None:
+            return _solve_on_fitting_grid(solver, tolerance, guess, others)
         solution = solver.solve_from(grid, guess)
-        solution = meeting_conditions(solution, "leave grid out, or set tolerance")
+        if same := _same(solution, others):
+            return same
+        if tolerance is not None:
+            return _refined(solver, solution, tolerance, guess)
+        return meeting_conditions(solution, "leave grid out, or set tolerance")
+
+    if guess is not None or conditions.via:
+        solution = solved(guess)
+    else:
+        solution = _best_of(solved, Guesses(definition, first), num_starts)
     if throw and not solution.stats.success:
         raise NotConverged(describe_failure(solution), solution)
     return solution
+
+
+def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Array | None]:
+    """Return a guess that is computed once on every grid, as inverse kinematics may be slow."""
+    memory: dict[bytes, Array | None] = {}
+
+    def remembered(s: Array) -> Array | None:
+        if (key := s.tobytes()) not in memory:
+            memory[key] = guess(s)
+        return memory[key]
+
+    return remembered
+
+
+_ATTEMPTS = 6  # guesses, if none leads to a solution
+
+
+def _best_of(
+    solved: Callable[[Path | None, Sequence[Solution]], Solution], guesses: Guesses, num_starts: int
+) -> Solution:
+    """Return the best of the solutions from so many guesses, or from the first that leads to one;
+    if there is none, the last iterate from the problem's guess.
+    """
+    found: list[Solution] = []
+    failed: list[Solution] = []
+    for number, (name, path) in enumerate(guesses.paths(num_starts > 1), 1):
+        solution = solved(path, found)
+        if solution.stats.status == STOPPED:
+            return solution
+        solution = replace(solution, stats=replace(solution.stats, guess=name))
+        (found if solution.stats.success else failed).append(solution)
+        if number >= (num_starts if found else max(num_starts, _ATTEMPTS)):
+            break
+    if found:
+        return min(found, key=lambda each: each.stats.objective)
+    last = min(failed, key=lambda each: each.stats.guess != "")
+    if len(guesses.tried) < 2:
+        return last
+    status = f"{last.stats.status} (tried: {', '.join(guesses.tried)})"
+    return replace(last, stats=replace(last.stats, status=status))
 
 
 def _check_refinable(conditions: Conditions) -> None:
@@ -187,26 +262,37 @@ def _ipopt_tolerance(tolerance: float | None) -> float:
 
 
 def _solve_on_fitting_grid(
-    solver: _Solver, tolerance: float | None, guess: Path | Solution | None
+    solver: _Solver,
+    tolerance: float | None,
+    guess: Path | Solution | None,
+    others: Sequence[Solution],
 ) -> Solution:
-    """Return the solution on the problem's own grid, or on one refined for the tolerance.
+    """Return the solution on the problem's own grid, or on one refined for the tolerance; one of
+    the others if it leads to that.
 
     Ipopt takes as many iterations on half the segments, at half the cost, and few from there.
     """
-    own = solver.definition.grid
-    if own.segments >= _MANY and own.ends is None and not isinstance(guess, Solution):
-        half = Grid(own.segments // 2, own.degree)
+    own, conditions = solver.definition.grid, solver.conditions
+    half = Grid(own.segments // 2, own.degree) if own.segments >= _MANY and not own.ends else own
+    if isinstance(guess, Path) and not conditions.via:
+        profile = violation_profile(conditions)
+        own = resolving(own, guess, profile)
+        half = half if resolving(half, guess, profile) is half else own
+    if half is not own and not isinstance(guess, Solution):
         rough = replace(solver, tolerance=_LOOSE).solve_from(half, guess)
         if rough.stats.status == STOPPED:
             return rough
         if rough.stats.success:
+            if same := _same(rough, others):
+                return same
             found = rough
             if tolerance is None:
                 found = with_effort_of(rough.stats, solver.solve_from(own, rough))
             found = _refined(solver, found, tolerance, guess)
             if found.stats.success or found.stats.status == STOPPED:
                 return found
-    return _refined(solver, solver.solve_from(own, guess), tolerance, guess)
+    found = solver.solve_from(own, guess)
+    return _same(found, others) or _refined(solver, found, tolerance, guess)
 
 
 def _refined(
@@ -214,6 +300,18 @@ def _refined(
 ) -> Solution:
     profile = violation_profile(solver.definition.conditions)
     return refine(solver, profile, first, tolerance, guess)
+
+
+def _same(one: Solution, others: Sequence[Solution]) -> Solution | None:
+    """Return the solution among others that is this one, perhaps refined, if any is."""
+
+    def first(each: Solution) -> float:
+        history = each.stats.mesh_history
+        return history[0].objective if history else each.stats.objective
+
+    objective = first(one)
+    close = (o for o in others if abs(objective - first(o)) <= _SAME * abs(first(o)))
+    return next(close, None) if one.stats.success else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +372,9 @@ class _Solver:
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
-        return self._optimize_via(self._solve_once(grid, guess, {}))
+        nlp = build_nlp(self.definition, grid, guess)
+        near = _BESIDE if guess is not None and nlp.violation <= _FEASIBLE else {}
+        return self._optimize_via(self._solve_nlp(nlp, near))
 
     def solve_from(self, grid: Grid, start: Path | Solution | None) -> Solution:
         """Get the solution on a grid, from another solution's path alone if nothing else helps."""

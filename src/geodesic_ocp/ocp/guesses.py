@@ -1,0 +1,414 @@
+"""Initial guesses of constrained problems: detours pushed out of obstacles, and a sampling planner.
+
+A local solver stays in the homotopy class of its guess, or fails if that leads through an obstacle.
+Detours are straight lines through one more configuration, smoothed and moved out of violated
+constraints in turn. Where none of them is clear, a rapidly-exploring random tree from either end
+finds a path (RRT-Connect: Kuffner and LaValle, ICRA 2000), which is then shortened. Both know the
+constraints in the configuration alone, not those on velocities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TypeAlias
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Terms
+from geodesic_ocp.manifold.metric import Metric, speeds_at
+from geodesic_ocp.ocp.conditions import Condition, NodeBounds, stacked
+from geodesic_ocp.ocp.nlp import ProblemDefinition, initial_nodes
+from geodesic_ocp.ocp.pose_search import search_simultaneously
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+_CLEAR = 1e-6  # violations, in the unit of the constraint, that a configuration may have
+_SPACING = 0.05  # [rad or m] between configurations that are checked along a line
+_BETWEEN = 4  # checks between two nodes of a detour
+_STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
+
+Jacobians: TypeAlias = tuple[Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSpace:
+    """Configurations that satisfy the path constraints of a problem that are in q alone."""
+
+    definition: ProblemDefinition
+
+    @cached_property
+    def bounds(self) -> NodeBounds:
+        """Bounds of the coordinates at the start, in between and at the end."""
+        return NodeBounds.on_grid(self.definition.conditions, Grid(1, 2))
+
+    @cached_property
+    def _groups(self) -> list[tuple[Terms, Array, Array, Array]]:
+        """Terms of each group of constraints, their numbers (m, p), and bounds (rows, 1, m)."""
+        terms, found = self.definition.transcription(self.definition.grid).terms, []
+        for (each, numbers), group in zip(terms.at_nodes, terms.conditions.in_groups, strict=True):
+            own = self.definition.conditions.p_values[None] if numbers is None else numbers
+            below, above = (
+                np.concatenate(side).reshape(len(own), 1, -1).T
+                for side in ([c.lower for c in group], [c.upper for c in group])
+            )
+            found.append((each, own, below, above))
+        return found
+
+    def excess(self, q: Array) -> Array:
+        """Return largest violation of the constraints at configurations (k, n), (k,), negative
+        inside; NaN counts as infinite.
+        """
+        return self._values(q, False)[0]
+
+    def outward(self, q: Array) -> Jacobians:
+        """Return largest violations (k,), and their gradients (k, n)."""
+        return self._values(q, True)
+
+    def _values(self, q: Array, gradients: bool) -> Jacobians:
+        lower, upper = self.bounds.lower[1], self.bounds.upper[1]
+        excess = np.full(len(q), -np.inf)
+        slopes = np.zeros(q.shape)
+        for terms, numbers, below, above in self._groups if len(q) else ():
+            g, entries = _mapped(terms, q, numbers)
+            over = np.maximum(below - g, g - above)
+            over[np.isnan(over)] = np.inf
+            over = np.moveaxis(over, 1, 0).reshape(len(q), -1)
+            worst, at = over.argmax(axis=1), np.arange(len(q))
+            more = over[at, worst] > excess
+            excess[more] = over[at, worst][more]
+            if gradients:
+                row, instance = np.divmod(worst, len(numbers))
+                found = _jacobians(terms, entries[:, at, instance])[at, row]
+                sign = np.where(g[row, at, instance] > above[row, 0, instance], 1.0, -1.0)
+                slopes[more] = (sign[:, None] * np.nan_to_num(found))[more]
+        if gradients:
+            return excess, slopes
+        return np.maximum(excess, np.maximum(lower - q, q - upper).max(axis=1)), slopes
+
+    def is_clear(self, paths: Array) -> NDArray[np.bool_]:
+        """Return which polylines (m, k, n) are clear of all constraints, (m,)."""
+        parts = np.arange(_BETWEEN)[:, None] / _BETWEEN
+        between = paths[:, :-1, None] + parts * np.diff(paths, axis=1)[:, :, None]
+        excess = self.excess(between.reshape(-1, paths.shape[2])).reshape(len(paths), -1)
+        return np.asarray(excess.max(axis=1) <= _CLEAR)
+
+    def is_free(self, start: Array, end: Array) -> bool:
+        """Return whether a straight line is free, its ends not counted."""
+        return len(self.prefix(start, end)) == _num_steps(start, end)
+
+    def prefix(self, start: Array, end: Array) -> Array:
+        """Return configurations (k, n) from the start, excluded, along a line until it is
+        blocked.
+        """
+        count = _num_steps(start, end)
+        every = start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start)
+        for first in range(0, count, _AT_ONCE):
+            blocked = self.excess(every[first : first + _AT_ONCE]) > _CLEAR
+            if np.any(blocked):
+                every = every[: first + int(np.argmax(blocked))]
+                break
+        return np.asarray(every)
+
+    def ends(self, at_end: bool, rng: np.random.Generator, box: tuple[Array, Array]) -> Array:
+        """Return free configurations (k, n) of one end, from random starts if it is not fixed.
+
+        There are none if a condition on it depends on the other end or on velocities.
+        """
+        c, side = self.definition.conditions, -1 if at_end else 0
+        fixed = self.bounds.ends[side]
+        if not np.any(np.isnan(fixed)):
+            return np.asarray(fixed[None])
+        own, other = (c.q1, c.q0) if at_end else (c.q0, c.q1)
+        others = ca.vertcat(other, c.v0, c.v1)
+        held = [each for each in c.ends if ca.depends_on(each.expression, own)]
+        if any(ca.depends_on(each.expression, others) for each in held):
+            return np.zeros((0, fixed.size))
+        pose_errors = _EndErrors(self, own, held)
+        limits = self.bounds.lower[side], self.bounds.upper[side]
+        starts = rng.uniform(*box, (_STARTS, fixed.size))
+        found = search_simultaneously(pose_errors, starts, None, limits, 2 * _GOALS, np.inf)
+        q = found.q[found.errors <= _CLEAR]
+        q = q[self.excess(q) <= _CLEAR]
+        near = self.bounds.ends[-1 - side]
+        distances = np.nansum((q - near) ** 2, axis=1)
+        return q[np.argsort(distances)[:_GOALS]]
+
+
+_AT_ONCE = 32  # configurations of a line that are checked in one call
+
+
+def _num_steps(start: Array, end: Array) -> int:
+    return max(1, int(np.ceil(np.linalg.norm(end - start) / _SPACING)))
+
+
+def _mapped(terms: Terms, q: Array, numbers: Array) -> list[Array]:
+    """Return values and entries of the Jacobian, (., k, m) each, at configurations (k, n) with each
+    of the numbers (m, p) in place of the parameters.
+    """
+    points, given = np.repeat(q, len(numbers), axis=0), np.tile(numbers, (len(q), 1))
+    found = terms.mapped("jacobian", len(points), (ca.DM(points.T), ca.DM(given.T)))
+    return [each.full().reshape(-1, len(q), len(numbers)) for each in found]
+
+
+def _jacobians(terms: Terms, entries: Array) -> Array:
+    found = np.zeros((entries.shape[1], terms.size_g, terms.size))
+    rows, columns = terms.jacobian_entries
+    found[:, rows, columns] = entries.T
+    return found
+
+
+class _EndErrors:
+    """Errors of the conditions on one end, and its worst violation of a path constraint."""
+
+    def __init__(self, space: FreeSpace, own: ca.SX, held: Sequence[Condition]) -> None:
+        c = space.definition.conditions
+        self._space, self._p = space, c.p_values
+        self._values = np.concatenate([np.zeros(0), *(each.lower for each in held)])
+        self._terms = Terms(own, c.p, 0.0, stacked(held))
+
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        g, entries = (each[:, :, 0] for each in _mapped(self._terms, q, self._p[None]))
+        excess, slopes = self._space.outward(q)
+        violated = excess > 0.0
+        errors = np.column_stack([g.T - self._values, np.where(violated, excess, 0.0)])
+        slopes = np.where(violated[:, None], slopes, 0.0)[:, None]
+        return errors, np.concatenate([_jacobians(self._terms, entries), slopes], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Guesses:
+    """Guesses for a problem, the detours first, then paths of the planner.
+
+    Attributes:
+        definition: definition of the problem, without via points.
+        grid: on which the problem's own guess is evaluated.
+        tried: what was tried, in words; it grows as `paths` yields.
+    """
+
+    definition: ProblemDefinition
+    grid: Grid
+    tried: list[str] = field(default_factory=list)
+
+    def paths(self, several: bool) -> Iterator[tuple[str, Path | None]]:
+        """Yield different paths, with their names: None is the problem's own guess.
+
+        Only where there are path constraints, or `several` are wanted, is there another one.
+        """
+        space, metric = FreeSpace(self.definition), self.definition.metric
+        if not (several or self.definition.conditions.along_q):
+            yield "", None
+            return
+        own = Path(metric, self.grid, initial_nodes(self.definition, self.grid))(_S)
+        self.tried.append("the initial guess")
+        box = _box(space, own, metric)
+        is_clear = space.is_clear(own[None])[0]
+        seen = [own] if is_clear else []
+        if is_clear:
+            yield "", None
+        detours = [q for q in _detours(space, own, box, metric) if _is_new(q, seen)][:_DETOURS]
+        for number, q in enumerate(detours):
+            self.tried.append(f"detour {number + 1}")
+            yield self.tried[-1], Path.through(metric, q)
+            if not (is_clear or number):
+                yield "", None
+        if not (is_clear or detours):
+            yield "", None
+        for seed in range(_SEEDS):
+            rng = np.random.default_rng(seed)
+            starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
+            if not len(starts) or not len(goals):
+                self.tried.append("no end of a path was found that meets the constraints")
+                return
+            around = _box(space, np.vstack([own, starts, goals]), metric)
+            waypoints = connect(space, starts, goals, around, rng)
+            if waypoints is None:
+                self.tried.append(f"a sampling planner that found no path in {_SAMPLES} samples")
+                return
+            waypoints = shortcut(space, waypoints, rng)
+            if np.isfinite(_energy(metric, waypoints)):
+                path = Path.through(metric, waypoints)
+                if _is_new(path(_S), seen):
+                    self.tried.append(f"planner {seed + 1}")
+                    yield self.tried[-1], path
+
+
+def _box(space: FreeSpace, own: Array, metric: Metric) -> tuple[Array, Array]:
+    """Return bounds (n,) of samples: those of the problem, but not far from a path."""
+    lower, upper = space.bounds.lower[1], space.bounds.upper[1]
+    least, most = own.min(axis=0), own.max(axis=0)
+    periods = np.array(metric.periods or np.zeros(lower.size))  # infinite if there is none
+    around = np.maximum(
+        np.where(np.isfinite(periods), periods / 2.0, 0.0), max(_AROUND * np.max(most - least), 1.0)
+    )
+    wide = ~np.isfinite(upper - lower)
+    return (
+        np.where(wide, np.maximum(lower, least - around), lower),
+        np.where(wide, np.minimum(upper, most + around), upper),
+    )
+
+
+def _energy(metric: Metric, q: Array) -> float:
+    """Return energy of the polyline through points (k, n); infinite where there is no metric, or
+    no motion.
+    """
+    steps = np.diff(q, axis=0)
+    length = float(np.sum(speeds_at(metric, q[:-1] + steps / 2.0, steps)))
+    return length**2 / 2.0 if length > 0.0 else np.inf
+
+
+_AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
+_SEEDS = 20
+_DETOURS = 2  # of them that are tried
+_S = np.linspace(0.0, 1.0, 25)  # of detours
+_SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
+
+
+def _is_new(q: Array, seen: list[Array]) -> bool:
+    """Return whether a path (k, n) is none of those seen, and remember it."""
+    is_new = all(np.abs(q - each).max() > _SAME for each in seen)
+    seen.append(q)
+    return is_new
+
+
+_ROUNDS, _FIRM = 12, 30.0  # of pushing and smoothing; weight of pushed against smooth
+_OFFSET = 0.3  # of the box, or a radian: how far a detour leads aside
+_MARGIN = 0.1  # of the violations on the straight line, by which nodes are pushed clear of them
+_LONGEST = 0.3  # step of a node [rad or m]
+
+
+def _detours(space: FreeSpace, own: Array, box: tuple[Array, Array], metric: Metric) -> list[Array]:
+    """Return paths (25, n) clear of violated constraints, that of the least energy first.
+
+    The problem's own path, the straight line between its ends, and detours from that to either
+    side in every coordinate are moved out of violated constraints and smoothed.
+    """
+    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(own.shape[1])
+    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])[:, None]
+    s = _S[:, None]
+    detours = own[0] + s * (own[-1] - own[0]) + 2.0 * np.minimum(s, 1.0 - s) * beside
+    paths = np.concatenate([own[None], np.clip(detours, *box)])
+    paths = _pushed_out(space, paths, metric.matrix(own[len(own) // 2]))
+    free = [(_energy(metric, q), q) for q in paths[space.is_clear(paths)]]
+    finite = [each for each in free if np.isfinite(each[0])]
+    return [q for _, q in sorted(finite, key=lambda each: each[0])]
+
+
+def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
+    """Return paths (m, k, n) moved out of violated constraints and smoothed in turn."""
+    size, n = paths.shape[1:]
+    paths, margin = paths.copy(), 0.0
+    # min sum |q_i+1 - q_i|^2 / 2 + firm sum_i pushed_i |q_i - target_i|^2 / 2 with both ends fixed.
+    stretch = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
+    rest = np.arange(len(paths))
+    for _ in range(_ROUNDS):
+        q = paths[rest]
+        excess, slopes = space.outward(q.reshape(-1, n))
+        excess[np.isinf(excess)] = -np.inf  # there is no way out of where it is not defined
+        if not margin:
+            straight, every = excess[:size].max(), excess.max()
+            margin = _MARGIN * max(straight if straight > 0.0 else every, _CLEAR)
+        worst = excess.reshape(len(rest), size)[:, 1:-1].max(axis=1)
+        pushed = excess > -1.5 * margin
+        raised = np.linalg.solve(tensor, slopes.T).T  # the direction of least energy
+        square = np.maximum((raised * slopes).sum(axis=1), _TINY)
+        steps = -(np.where(pushed, excess + margin, 0.0) / square)[:, None] * raised
+        lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+        steps *= np.minimum(1.0, _LONGEST / np.maximum(lengths, _TINY))
+        weights = _FIRM * pushed.reshape(len(rest), size)
+        matrices = stretch + np.eye(size) * weights[:, None]
+        right = weights[:, :, None] * (q + steps.reshape(q.shape))
+        right[:, [0, -1]], matrices[:, [0, -1]] = q[:, [0, -1]], np.eye(size)[[0, -1]]
+        violated = worst > -0.5 * margin
+        rest = rest[violated]
+        if not len(rest):
+            break
+        smooth = np.linalg.solve(matrices[violated], right[violated])
+        paths[rest] = np.clip(smooth, space.bounds.lower[1], space.bounds.upper[1])
+    return paths
+
+
+_TINY = 1e-12
+
+_SAMPLES = 2000
+_EACH = 8  # every so many configurations of a line become nodes of a tree
+_REACH = 1.5  # [rad or m]: longest line towards a sample
+
+
+class _Tree:
+    """Configurations q (k, n), each with the index of the one it was reached from."""
+
+    def __init__(self, roots: Array) -> None:
+        self.q, self._parents = roots, [-1] * len(roots)
+
+    def grow(self, space: FreeSpace, q: Array, longest: float) -> tuple[int, bool]:
+        """Extend the nearest node towards a configuration; its last node, and whether it is
+        reached.
+        """
+        node = int(np.argmin(np.sum((self.q - q) ** 2, axis=1)))
+        start = self.q[node]
+        distance = float(np.linalg.norm(q - start))
+        end = start + (q - start) * min(1.0, longest / max(distance, _SPACING))
+        line = space.prefix(start, end)
+        reached = len(line) == _num_steps(start, end) and longest >= distance
+        new = np.vstack([line[_EACH - 1 : -1 : _EACH], line[-1:]])
+        if len(new):
+            self._parents += [node, *range(len(self.q), len(self.q) + len(new) - 1)]
+            self.q = np.vstack([self.q, new])
+            node = len(self.q) - 1
+        return node, reached
+
+    def branch(self, node: int) -> list[Array]:
+        """Return the configurations from a node to its root."""
+        found = []
+        while node >= 0:
+            found.append(self.q[node])
+            node = self._parents[node]
+        return found
+
+
+def connect(
+    space: FreeSpace,
+    starts: Array,
+    goals: Array,
+    box: tuple[Array, Array],
+    rng: np.random.Generator,
+) -> Array | None:
+    """Return free waypoints (m, n) from one of the starts to one of the goals; None if none were
+    found.
+    """
+    trees = _Tree(starts), _Tree(goals)
+    for number in range(_SAMPLES):
+        one, other = trees[number % 2], trees[1 - number % 2]
+        sample = rng.uniform(*box) if number > 1 else other.q[0]
+        node, _ = one.grow(space, sample, _REACH)
+        met, reached = other.grow(space, one.q[node], np.inf)
+        if reached:
+            first, last = one.branch(node), other.branch(met)
+            joined = [*first[::-1], *last[1:]]
+            return np.array(joined if number % 2 == 0 else joined[::-1])
+    return None
+
+
+_SHORTCUTS = 150
+
+
+def shortcut(space: FreeSpace, waypoints: Array, rng: np.random.Generator) -> Array:
+    """Return free waypoints (m, n) with parts replaced by straight lines where these are free."""
+    q = waypoints
+    for _ in range(_SHORTCUTS):
+        if len(q) < 3:
+            break
+        upto = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
+        places = np.sort(rng.uniform(0.0, upto[-1], 2))
+        first, last = np.searchsorted(upto, places, side="right")
+        if first == last:
+            continue
+        ends = np.column_stack([np.interp(places, upto, column) for column in q.T])
+        if space.is_free(ends[0], ends[1]):
+            q = np.vstack([q[:first], ends, q[last:]])
+    return q

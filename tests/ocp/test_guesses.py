@@ -1,0 +1,122 @@
+"""Guesses that `solve` finds by itself, and paths that it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp import guesses
+
+DISC = ((0.0, 0.1, 0.5),)
+# A cup, open to the left, in which the start lies; the goal lies behind it.
+CUP = tuple((0.8 * np.cos(angle), 0.8 * np.sin(angle), 0.2) for angle in np.linspace(-2.2, 2.2, 15))
+RING = tuple(
+    (2.0 + 0.6 * np.cos(angle), 0.6 * np.sin(angle), 0.2) for angle in np.linspace(-3.0, 3.0, 13)
+)
+
+
+@dataclass(frozen=True)
+class AmongDiscs(go.Problem):
+    """From a point of the plane to another, or to a line x = const, around discs (x, y, radius)."""
+
+    discs: tuple[tuple[float, float, float], ...] = DISC
+    start: tuple[float, float] = (-1.0, 0.0)
+    goal: tuple[float, float] = (1.0, 0.0)
+    on_line: bool = False
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        end = (2.0 * q1[0], 2.0 * self.goal[0]) if self.on_line else (q1, self.goal)
+        return [(q0, self.start), end]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [
+            (radius, ca.norm_2(q - ca.DM([x, y])), np.inf, f"disc {number}")
+            for number, (x, y, radius) in enumerate(self.discs)
+        ]
+
+    def clearance(self, path: go.Path) -> float:
+        q = path(np.linspace(0.0, 1.0, 2001))
+        return min(np.linalg.norm(q - (x, y), axis=1).min() - r for x, y, r in self.discs)
+
+
+class FromAbove(AmongDiscs):
+    """With a guess of its own, on the longer side of the disc."""
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([2.0 * s - 1.0, np.sin(np.pi * s)])
+
+
+@pytest.mark.parametrize("on_line", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_planner_leads_out_of_a_cup(on_line: bool) -> None:
+    problem = AmongDiscs(CUP, (0.0, 0.0), (2.0, 0.0), on_line)
+    solution = go.solve(problem)
+    assert solution.stats.guess.startswith("planner")
+    assert problem.clearance(solution.path) > -2e-4
+
+
+def test_several_starts_find_the_shorter_side() -> None:
+    one, several = (go.solve(FromAbove(), num_starts=count) for count in (1, 4))
+    assert one.path(0.5)[1] > 0.5
+    assert several.path(0.5)[1] < -0.3
+    assert (one.stats.guess == "") > (several.stats.guess == "")
+    assert several.path.length < one.path.length
+    again = go.solve(FromAbove(), num_starts=4)
+    assert np.array_equal(several.path.nodes, again.path.nodes)
+
+
+def test_what_was_tried_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(guesses, "_SAMPLES", 50)
+    closed = AmongDiscs((*RING, (1.4, 0.0, 0.2)), (0.0, 0.0), (2.0, 0.0))
+    with pytest.raises(
+        go.NotConverged, match=r"tried: .*planner that found no path in 50"
+    ) as error:
+        go.solve(closed, ipopt={"max_iter": 20})
+    assert not error.value.solution.stats.success  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_search_stays_on_the_side_of_given_waypoints(side: float) -> None:
+    """Whatever the number of waypoints, and though one side is longer."""
+    problem = AmongDiscs()
+    corners = [(-1.0, 0.0), (-0.7, 0.7 * side), (0.7, 0.7 * side), (0.7, 0.7 * side), (1.0, 0.0)]
+    solution = go.solve(problem, guess=go.Path.through(problem.metric, corners))
+    assert side * solution.path(0.5)[1] > 0.3
+    assert not solution.stats.guess
+
+
+@given(arrays(float, (6, 3), elements=st.floats(-3.0, 3.0, width=16)))
+def test_a_polyline_passes_its_waypoints_at_constant_speed(points: np.ndarray) -> None:
+    q = np.vstack([points, points[0] + 1.0])
+    path = go.Path.through(go.Euclidean(3), q)
+    pieces = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    s = np.append(0.0, np.cumsum(pieces)) / pieces.sum()
+    np.testing.assert_allclose(path(np.minimum(s, 1.0)), q, atol=1e-9)
+    assert path.length == pytest.approx(pieces.sum())
+    assert path.energy == pytest.approx(pieces.sum() ** 2 / 2.0)
+
+
+@pytest.mark.parametrize("bad", [[(0.0, 0.0)], [(1.0, 2.0), (1.0, 2.0)], [(0.0,), (1.0,)]])
+def test_waypoints_are_checked(bad: Any) -> None:
+    with pytest.raises(ValueError, match="waypoints"):
+        go.Path.through(go.Euclidean(2), bad)
+
+
+def test_starts_are_checked() -> None:
+    line = go.Path.through(go.Euclidean(2), [(-1.0, 0.0), (1.0, 0.0)])
+    with pytest.raises(ValueError, match="num_starts must be a positive integer, got 0"):
+        go.solve(AmongDiscs(), num_starts=0)
+    with pytest.raises(ValueError, match="num_starts: other guesses"):
+        go.solve(AmongDiscs(), num_starts=2, guess=line)
