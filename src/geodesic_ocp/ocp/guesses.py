@@ -203,7 +203,8 @@ class Guesses:
         seen = [own] if is_clear else []
         if is_clear:
             yield "", None
-        detours = [q for q in _detours(space, own, box, metric) if _is_new(q, seen)][:_DETOURS]
+        detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), metric)
+        detours = [q for q in detours if _is_new(q, seen)][:_DETOURS]
         for number, q in enumerate(detours):
             self.tried.append(f"detour {number + 1}")
             yield self.tried[-1], Path.through(metric, q)
@@ -211,14 +212,20 @@ class Guesses:
                 yield "", None
         if not (is_clear or detours):
             yield "", None
-        for seed in range(_SEEDS):
-            rng = np.random.default_rng(seed)
-            starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
-            if not len(starts) or not len(goals):
-                self.tried.append("no end of a path was found that meets the constraints")
-                return
-            around = _box(space, np.vstack([own, starts, goals]), metric)
-            waypoints = connect(space, starts, goals, around, rng)
+        rng = np.random.default_rng(0)
+        starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
+        if not len(starts) or not len(goals):
+            self.tried.append("no end of a path was found that meets the constraints")
+            return
+        box = _box(space, np.vstack([own, starts, goals]), metric)
+        if several:
+            middles = rng.uniform(*box, (_BENDS, own.shape[1]))
+            bends = [_bent(starts[0], q, goals[k % len(goals)]) for k, q in enumerate(middles)]
+            for number, q in enumerate(_clear_detours(space, np.array(bends), metric)):
+                if _is_new(q, seen):
+                    yield f"random detour {number + 1}", Path.through(metric, q)
+        for number in range(_PLANS):
+            waypoints = connect(space, starts, goals, box, rng)
             if waypoints is None:
                 self.tried.append(f"a sampling planner that found no path in {_SAMPLES} samples")
                 return
@@ -226,7 +233,7 @@ class Guesses:
             if np.isfinite(_energy(metric, waypoints)):
                 path = Path.through(metric, waypoints)
                 if _is_new(path(_S), seen):
-                    self.tried.append(f"planner {seed + 1}")
+                    self.tried.append(f"planner {number + 1}")
                     yield self.tried[-1], path
 
 
@@ -255,7 +262,7 @@ def _energy(metric: Metric, q: Array) -> float:
 
 
 _AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
-_SEEDS = 20
+_BENDS, _PLANS = 24, 20  # random detours, and paths of the planner
 _DETOURS = 2  # of them that are tried
 _S = np.linspace(0.0, 1.0, 25)  # of detours
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
@@ -274,18 +281,32 @@ _MARGIN = 0.1  # of the violations on the straight line, by which nodes are push
 _LONGEST = 0.3  # step of a node [rad or m]
 
 
-def _detours(space: FreeSpace, own: Array, box: tuple[Array, Array], metric: Metric) -> list[Array]:
-    """Return paths (25, n) clear of violated constraints, that of the least energy first.
-
-    The problem's own path, the straight line between its ends, and detours from that to either
-    side in every coordinate are moved out of violated constraints and smoothed.
-    """
-    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(own.shape[1])
-    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])[:, None]
+def _bent(start: Array, middle: Array, end: Array) -> Array:
+    """Return the path (25, n) along two straight lines."""
     s = _S[:, None]
-    detours = own[0] + s * (own[-1] - own[0]) + 2.0 * np.minimum(s, 1.0 - s) * beside
-    paths = np.concatenate([own[None], np.clip(detours, *box)])
-    paths = _pushed_out(space, paths, metric.matrix(own[len(own) // 2]))
+    return np.asarray(
+        np.where(
+            s < 0.5, start + 2.0 * s * (middle - start), end + 2.0 * (1.0 - s) * (middle - end)
+        )
+    )
+
+
+def _beside(own: Array, box: tuple[Array, Array]) -> Array:
+    """Return the straight line between a path's ends, and bends of it to either side in every
+    coordinate, (2 n + 1, 25, n).
+    """
+    start, end = own[0], own[-1]
+    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(start.size)
+    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])
+    middles = np.clip((start + end) / 2.0 + beside, *box)
+    return np.array([_bent(start, middle, end) for middle in middles])
+
+
+def _clear_detours(space: FreeSpace, paths: Array, metric: Metric) -> list[Array]:
+    """Return paths (25, n) moved out of violated constraints, that of the least energy first;
+    those that do not become clear are left out.
+    """
+    paths = _pushed_out(space, paths, metric.matrix(paths[0, len(_S) // 2]))
     free = [(_energy(metric, q), q) for q in paths[space.is_clear(paths)]]
     finite = [each for each in free if np.isfinite(each[0])]
     return [q for _, q in sorted(finite, key=lambda each: each[0])]
