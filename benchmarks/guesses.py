@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import scipy.ndimage
 
 import geodesic_ocp as go
 
+TOLERANCE = 2e-4  # [m], of distances between the nodes of a path
 URDF = """<robot name="planar"><link name="base"/>{}</robot>"""
 LINK = """
 <link name="link{0}"><inertial><origin xyz="{1} 0 0"/><mass value="1"/>
@@ -34,7 +36,7 @@ def planar_arm(lengths: tuple[float, ...], radius: float) -> go.Model:
     return model.with_bodies(*bodies)
 
 
-def clear(problem: go.PointToPoint, q: np.ndarray) -> np.ndarray:
+def clearances(problem: go.PointToPoint, q: np.ndarray) -> np.ndarray:
     """Least distance [m] at configurations (k, n)."""
     model, obstacles = problem.metric.model, problem.obstacles
     nearest = go.distances.nearest_points(model, q, obstacles)
@@ -42,25 +44,25 @@ def clear(problem: go.PointToPoint, q: np.ndarray) -> np.ndarray:
 
 
 def two_joints(count: int, seed: int = 1) -> Iterator[go.PointToPoint]:
-    """A planar arm between random configurations among three balls."""
+    """A planar arm between random configurations among four balls."""
     model, rng = planar_arm((0.5, 0.5), 0.03), np.random.default_rng(seed)
     metric = go.KineticEnergy(model)
     while count:
-        angle, far = rng.uniform(-np.pi, np.pi, 3), rng.uniform(0.25, 1.0, 3)
+        angle, far = rng.uniform(-np.pi, np.pi, 4), rng.uniform(0.25, 1.0, 4)
         places = zip(far * np.cos(angle), far * np.sin(angle), strict=True)
-        balls = [go.Ball((x, y, 0.0), rng.uniform(0.05, 0.15)) for x, y in places]
+        balls = [go.Ball((x, y, 0.0), rng.uniform(0.08, 0.18)) for x, y in places]
         q0, q1 = rng.uniform(-3.0, 3.0, (2, 2))
         problem = go.PointToPoint(metric, q0, q1, limits=True, obstacles=balls)
-        if np.all(clear(problem, np.array([q0, q1])) > 0.0):
+        if np.all(clearances(problem, np.array([q0, q1])) > 0.0):
             count -= 1
             yield problem
 
 
-def is_feasible(problem: go.PointToPoint, size: int = 601) -> bool:
+def is_feasible(problem: go.PointToPoint, size: int = 401) -> bool:
     """Whether a graph on a grid in joint space connects start and goal."""
     ticks = np.linspace(-3.0, 3.0, size)
     q = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=2).reshape(-1, 2)
-    free = (clear(problem, q) > 0.0).reshape(size, size)
+    free = (clearances(problem, q) > 0.0).reshape(size, size)
     labels, _ = scipy.ndimage.label(free)
     start, goal = (
         labels[tuple(np.abs(ticks[:, None] - np.array(each)).argmin(axis=0))]
@@ -77,12 +79,12 @@ def seven_joints(count: int, seed: int = 2) -> Iterator[go.PointToPoint]:
         q0, q1 = rng.uniform(arm.lower, arm.upper, (2, 7))
         ball = go.Ball(tuple(arm.hand_pose((q0 + q1) / 2.0)[1]), 0.08)
         problem = go.PointToPoint(metric, q0, q1, limits=True, obstacles=[ball])
-        if np.all(clear(problem, np.array([q0, q1])) > 0.0):
+        if np.all(clearances(problem, np.array([q0, q1])) > 0.0):
             count -= 1
             yield problem
 
 
-def folding(number: int = 0) -> go.PointToPoint:
+def folding() -> go.PointToPoint:
     """A planar arm with three joints that folds to pass between posts and a wall."""
     model = planar_arm((0.4, 0.4, 0.3), 0.03)
     wall = go.Capsule((0.75, -0.5, 0.0), (0.75, 0.5, 0.0), 0.02)
@@ -92,53 +94,64 @@ def folding(number: int = 0) -> go.PointToPoint:
     return go.PointToPoint(go.KineticEnergy(model), q0, q1, limits=True, obstacles=obstacles)
 
 
-def solved(problem: go.Problem, **options) -> tuple[float, float, str]:
-    """Energy, NaN if there is no solution, CPU seconds, and the guess."""
+def solved(problem: go.PointToPoint, **options: Any) -> tuple[float, float]:
+    """Length, infinite if there is no solution, and CPU seconds."""
     begin = time.process_time()
     solution = go.solve(problem, throw=False, **options)
     seconds = time.process_time() - begin
     if not solution.stats.success:
-        return np.nan, seconds, solution.stats.status
-    q = solution.path(np.linspace(0.0, 1.0, 2001))
-    assert clear(problem, q).min() > -2e-4
-    return solution.path.energy, seconds, getattr(solution.stats, "guess", "")
+        return np.inf, seconds
+    least = clearances(problem, solution.path(np.linspace(0.0, 1.0, 2001))).min()
+    assert least > -TOLERANCE, f"in collision, {least:.1e} m"
+    return solution.path.length, seconds
+
+
+def best_of_seven(problem: go.PointToPoint) -> float:
+    """Shortest length from the straight line bent to seven random configurations."""
+    rng, model = np.random.default_rng(0), problem.metric.model
+    middles = rng.uniform(model.lower, model.upper, (7, model.dof))
+    guesses = [np.array([problem.q0, middle, problem.q1]) for middle in middles]
+    paths = [go.Path(problem.metric, go.Grid(1, 2), nodes) for nodes in guesses]
+    return min(solved(problem, guess=path)[0] for path in paths)
+
+
+def report(
+    name: str, problems: list[go.PointToPoint], starts: list[int], is_feasible: bool = True
+) -> None:
+    """Print how many problems are solved, how many lengths exceed the shortest, and times."""
+    found = np.array(
+        [[solved(p, **({"num_starts": k} if k > 1 else {})) for k in starts] for p in problems]
+    )
+    others = np.array([best_of_seven(p) if is_feasible else np.inf for p in problems])
+    best = np.minimum(found[:, :, 0].min(axis=1), others)
+    for k, (lengths, seconds) in zip(starts, found.transpose(1, 2, 0), strict=True):
+        is_solved = np.isfinite(lengths)
+        ratio = lengths[is_solved] / best[is_solved]
+        longest = f"by {ratio.max() - 1.0:.0%} at most" if np.any(is_solved) else ""
+        print(
+            f"{name}, num_starts={k}: {is_solved.sum()} of {len(problems)} solved, "
+            f"{(ratio > 1.001).sum()} longer than the shortest known {longest}; CPU time "
+            f"median {np.median(seconds):.2f} s, longest {seconds.max():.2f} s, all "
+            f"{seconds.sum():.1f} s",
+            flush=True,
+        )
+    if is_feasible:
+        count = np.isfinite(others).sum()
+        print(f"{name}, seven random guesses: {count} of {len(problems)} solved", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="+", default=["two", "seven", "fold"])
-    parser.add_argument("--starts", nargs="+", type=int, default=[1])
-    parser.add_argument("--verbose", action="store_true")
-    parser.add_argument("--best", help="npz of best energies known")
-    o = parser.parse_args()
-    if "two" in o.only:
-        run("two joints", [p for p in two_joints(60) if is_feasible(p)], o)
-        run("two joints, infeasible", [p for p in two_joints(60) if not is_feasible(p)], o)
-    if "seven" in o.only:
-        run("seven joints", list(seven_joints(30)), o)
-    if "fold" in o.only:
-        run("folding", [folding()], o)
-
-
-def run(name, problems, o) -> None:
-    for starts in o.starts:
-        options = {} if starts == 1 else {"num_starts": starts}
-        found = [solved(p, **options) for p in problems]
-        energies = np.array([each[0] for each in found])
-        seconds = np.array([each[1] for each in found])
-        if o.verbose:
-            for k, each in enumerate(found):
-                print("  ", k, *each)
-        print(
-            f"{name}, num_starts {starts}: {np.isfinite(energies).sum()} of {len(found)}, "
-            f"CPU s median {np.median(seconds):.2f} "
-            f"max {seconds.max():.2f} sum {seconds.sum():.1f}",
-            flush=True,
-        )
-        np.save(
-            f"/tmp/n/guess/{name}-{starts}-{'new' if hasattr(go.Path, 'through') else 'old'}.npy",
-            np.array([energies, seconds]),
-        )
+    parser.add_argument("--count", type=int, default=60, help="problems with two joints")
+    parser.add_argument("--starts", type=int, nargs="+", default=[1, 8])
+    options = parser.parse_args()
+    planar: dict[bool, list[go.PointToPoint]] = {True: [], False: []}
+    for problem in two_joints(options.count):
+        planar[is_feasible(problem)].append(problem)
+    report("two joints", planar[True], options.starts)
+    report("two joints, infeasible", planar[False], [1], is_feasible=False)
+    report("seven joints, one ball", list(seven_joints(options.count // 2)), options.starts)
+    report("posts and walls", [folding()], options.starts)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -27,12 +26,24 @@ from geodesic_ocp.ocp.pose_search import search_simultaneously
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-_CLEAR = 1e-6  # violations, in the unit of the constraint, that a configuration may have
-_SPACING = 0.05  # [rad or m] between configurations that are checked along a line
-_BETWEEN = 4  # checks between two nodes of a detour
+_CLEAR = 1e-6  # violation, in the unit of the constraint, that a configuration may have
+_TINY = 1e-12
+_AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
 _STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
-
-Jacobians: TypeAlias = tuple[Array, Array]
+# Detours.
+_S = np.linspace(0.0, 1.0, 25)  # of their nodes
+_BETWEEN = 4  # checks from one node to the next
+_DETOURS, _BENDS = 2, 24  # deterministic ones that are tried, and random ones
+_OFFSET = 0.3  # of the box, or a radian: how far one leads aside
+_ROUNDS, _FIRM = 12, 30.0  # of pushing and smoothing; weight of pushed against smooth
+_MARGIN = 0.1  # of the violation on the first path, by which nodes are pushed clear
+_LONGEST = 0.3  # step of a node [rad or m]
+_SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
+# The planner.
+_SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 150
+_REACH = 1.5  # [rad or m]: longest line towards a sample
+_SPACING, _AT_ONCE = 0.05, 32  # [rad or m] between checks along a line; checks in one call
+_EACH = 8  # every so many of them become nodes of a tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +76,11 @@ class FreeSpace:
         """
         return self._values(q, False)[0]
 
-    def outward(self, q: Array) -> Jacobians:
+    def outward(self, q: Array) -> tuple[Array, Array]:
         """Return largest violations (k,), and their gradients (k, n)."""
         return self._values(q, True)
 
-    def _values(self, q: Array, gradients: bool) -> Jacobians:
+    def _values(self, q: Array, gradients: bool) -> tuple[Array, Array]:
         lower, upper = self.bounds.lower[1], self.bounds.upper[1]
         excess = np.full(len(q), -np.inf)
         slopes = np.zeros(q.shape)
@@ -139,9 +150,6 @@ class FreeSpace:
         return q[np.argsort(distances)[:_GOALS]]
 
 
-_AT_ONCE = 32  # configurations of a line that are checked in one call
-
-
 def _num_steps(start: Array, end: Array) -> int:
     return max(1, int(np.ceil(np.linalg.norm(end - start) / _SPACING)))
 
@@ -182,7 +190,7 @@ class _EndErrors:
 
 @dataclass(frozen=True, eq=False)
 class Guesses:
-    """Guesses for a problem, the detours first, then paths of the planner.
+    """Guesses for a problem: its own, detours, and paths of a planner.
 
     Attributes:
         definition: definition of the problem, without via points.
@@ -210,7 +218,10 @@ class Guesses:
         seen = [own] if is_clear else []
         if is_clear:
             yield "", None
-        detours = [q for q in _detours(space, own, box, metric) if _is_new(q, seen)][:_DETOURS]
+        tensor = metric.matrix(own[len(own) // 2])
+        bends = np.concatenate([own[None], _beside(own, box)])
+        detours = _clear_detours(space, bends, metric, tensor)
+        detours = [q for q in detours if _is_new(q, seen)][:_DETOURS]
         for number, q in enumerate(detours):
             self.tried.append(f"detour {number + 1}")
             yield self.tried[-1], Path.through(metric, q)
@@ -218,14 +229,22 @@ class Guesses:
                 yield "", None
         if not (is_clear or detours):
             yield "", None
-        for seed in range(_SEEDS):
-            rng = np.random.default_rng(seed)
-            starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
-            if not len(starts) or not len(goals):
-                self.tried.append("no end of a path was found that meets the constraints")
-                return
-            around = _box(space, np.vstack([own, starts, goals]), metric)
-            waypoints = connect(space, starts, goals, around, rng)
+        rng = np.random.default_rng(0)
+        starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
+        if not len(starts) or not len(goals):
+            self.tried.append("no end of a path was found that meets the constraints")
+            return
+        box = _box(space, np.vstack([own, starts, goals]), metric)
+        if several:
+            middles = rng.uniform(*box, (_BENDS, own.shape[1]))
+            ends = goals[np.arange(_BENDS) % len(goals)]
+            bends = np.array([_bent(starts[0], *each) for each in zip(middles, ends, strict=True)])
+            for number, q in enumerate(_clear_detours(space, bends, metric, tensor)):
+                if _is_new(q, seen):
+                    self.tried.append(f"random detour {number + 1}")
+                    yield self.tried[-1], Path.through(metric, q)
+        for number in range(_PLANS):
+            waypoints = connect(space, starts, goals, box, rng)
             if waypoints is None:
                 self.tried.append(f"a sampling planner that found no path in {_SAMPLES} samples")
                 return
@@ -233,7 +252,7 @@ class Guesses:
             if np.isfinite(_energy(metric, waypoints)):
                 path = Path.through(metric, waypoints)
                 if _is_new(path(_S), seen):
-                    self.tried.append(f"planner {seed + 1}")
+                    self.tried.append(f"planner {number + 1}")
                     yield self.tried[-1], path
 
 
@@ -261,13 +280,6 @@ def _energy(metric: Metric, q: Array) -> float:
     return length**2 / 2.0 if length > 0.0 else np.inf
 
 
-_AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
-_SEEDS = 20
-_DETOURS = 2  # of them that are tried
-_S = np.linspace(0.0, 1.0, 25)  # of detours
-_SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
-
-
 def _is_new(q: Array, seen: list[Array]) -> bool:
     """Return whether a path (k, n) is none of those seen, and remember it."""
     is_new = all(np.abs(q - each).max() > _SAME for each in seen)
@@ -275,31 +287,42 @@ def _is_new(q: Array, seen: list[Array]) -> bool:
     return is_new
 
 
-_ROUNDS, _FIRM = 12, 30.0  # of pushing and smoothing; weight of pushed against smooth
-_OFFSET = 0.3  # of the box, or a radian: how far a detour leads aside
-_MARGIN = 0.1  # of the violations on the straight line, by which nodes are pushed clear of them
-_LONGEST = 0.3  # step of a node [rad or m]
-
-
-def _detours(space: FreeSpace, own: Array, box: tuple[Array, Array], metric: Metric) -> list[Array]:
-    """Return paths (25, n) clear of violated constraints, that of the least energy first.
-
-    The problem's own path, the straight line between its ends, and detours from that to either
-    side in every coordinate are moved out of violated constraints and smoothed.
-    """
-    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(own.shape[1])
-    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])[:, None]
+def _bent(start: Array, middle: Array, end: Array) -> Array:
+    """Return the path (25, n) along two straight lines."""
     s = _S[:, None]
-    detours = own[0] + s * (own[-1] - own[0]) + 2.0 * np.minimum(s, 1.0 - s) * beside
-    paths = np.concatenate([own[None], np.clip(detours, *box)])
-    paths = _pushed_out(space, paths, metric.matrix(own[len(own) // 2]))
+    return np.asarray(
+        np.where(
+            s < 0.5, start + 2.0 * s * (middle - start), end + 2.0 * (1.0 - s) * (middle - end)
+        )
+    )
+
+
+def _beside(own: Array, box: tuple[Array, Array]) -> Array:
+    """Return the straight line between a path's ends, and bends of it to either side in every
+    coordinate, (2 n + 1, 25, n).
+    """
+    start, end = own[0], own[-1]
+    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(start.size)
+    beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])
+    middles = np.clip((start + end) / 2.0 + beside, *box)
+    return np.array([_bent(start, middle, end) for middle in middles])
+
+
+def _clear_detours(space: FreeSpace, paths: Array, metric: Metric, tensor: Array) -> list[Array]:
+    """Return paths (25, n) moved out of violated constraints, that of the least energy first;
+    those that do not become clear are left out.
+    """
+    paths = _pushed_out(space, paths, tensor)
     free = [(_energy(metric, q), q) for q in paths[space.is_clear(paths)]]
     finite = [each for each in free if np.isfinite(each[0])]
     return [q for _, q in sorted(finite, key=lambda each: each[0])]
 
 
 def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
-    """Return paths (m, k, n) moved out of violated constraints and smoothed in turn."""
+    """Return paths (m, k, n) moved out of violated constraints and smoothed in turn.
+
+    Nodes move in the direction of least energy in a constant metric, its matrix (n, n).
+    """
     size, n = paths.shape[1:]
     paths, margin = paths.copy(), 0.0
     # min sum |q_i+1 - q_i|^2 / 2 + firm sum_i pushed_i |q_i - target_i|^2 / 2 with both ends fixed.
@@ -314,7 +337,7 @@ def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
             margin = _MARGIN * max(straight if straight > 0.0 else every, _CLEAR)
         worst = excess.reshape(len(rest), size)[:, 1:-1].max(axis=1)
         pushed = excess > -1.5 * margin
-        raised = np.linalg.solve(tensor, slopes.T).T  # the direction of least energy
+        raised = np.linalg.solve(tensor, slopes.T).T
         square = np.maximum((raised * slopes).sum(axis=1), _TINY)
         steps = -(np.where(pushed, excess + margin, 0.0) / square)[:, None] * raised
         lengths = np.linalg.norm(steps, axis=1, keepdims=True)
@@ -330,13 +353,6 @@ def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
         smooth = np.linalg.solve(matrices[violated], right[violated])
         paths[rest] = np.clip(smooth, space.bounds.lower[1], space.bounds.upper[1])
     return paths
-
-
-_TINY = 1e-12
-
-_SAMPLES = 2000
-_EACH = 8  # every so many configurations of a line become nodes of a tree
-_REACH = 1.5  # [rad or m]: longest line towards a sample
 
 
 class _Tree:
@@ -392,9 +408,6 @@ def connect(
             joined = [*first[::-1], *last[1:]]
             return np.array(joined if number % 2 == 0 else joined[::-1])
     return None
-
-
-_SHORTCUTS = 150
 
 
 def shortcut(space: FreeSpace, waypoints: Array, rng: np.random.Generator) -> Array:
