@@ -1,4 +1,4 @@
-"""Distances between capsules, balls and half-spaces, as expressions and as numbers.
+"""Distances of capsules and balls from each other and from obstacles, as expressions or numbers.
 
 Closest points of two segments: Ericson, Real-Time Collision Detection (2005), 5.1.9. The distance
 is exact, and continuously differentiable except where it is zero or the segments are parallel;
@@ -17,8 +17,9 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, is_symbolic
+from geodesic_ocp.model.box_distances import box_distance
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.primitives import Body, Box, Capsule, HalfSpace, Obstacle, as_capsule
 
 __all__ = ["clearance_constraints", "signed_distances"]
 
@@ -180,8 +181,8 @@ def bodies_apart(
     if links is None and obstacles:  # reading the bodies of a file is slow
         moving = [body for body in model.bodies if body.link and model.moves(body.link)]
     for number, obstacle in enumerate(obstacles):
-        if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
-            raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
+        if not isinstance(obstacle, Obstacle):
+            raise ValueError(f"obstacles must be Ball, Capsule, Box or HalfSpace, got {obstacle!r}")
         if not moving and links is None:
             raise ValueError(f"{model.name!r} has no bodies; add them with Model.with_bodies")
         other = obstacle.name or f"obstacle {number}"
@@ -224,15 +225,40 @@ def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[
     return [body for link in links for body in model.bodies if body.link == link]
 
 
-def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpace) -> list[ca.SX]:
-    """Return distances [m] of the ends of a capsule from a half-space."""
-    normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
-    return [ca.dot(normal, end - point) - radius for end in segment.ends]
+def nearest_to_obstacle(
+    segment: LineSegment, radius: float, obstacle: Obstacle, *pose: ca.SX
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Return points (3, 1) [m] at which a capsule and an obstacle are nearest, and their distance.
+
+    Above a half-space, those of both ends.
+
+    Args:
+        segment, radius: the capsule.
+        obstacle: the obstacle.
+        pose: rotation (3, 3) and position (3, 1) of the frame that it is fixed to, if it moves.
+    """
+    if isinstance(obstacle, HalfSpace):
+        normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
+        starts = [end - radius * normal for end in segment.ends]
+        heights = [ca.dot(normal, end - point) - radius for end in segment.ends]
+        return [(at, at - high * normal, high) for at, high in zip(starts, heights, strict=True)]
+    if isinstance(obstacle, Box):
+        other_radius = 0.0
+        distance, here, there = box_distance(segment.start, segment.along, obstacle, *pose)
+    else:
+        other, other_radius = line_segment(as_capsule(obstacle), *pose), obstacle.radius
+        here, there = (other.start + each for each in _closest_points(segment, other))
+        distance = segment_distance(segment, other)
+    direction = (there - here) / distance
+    start, end = here + radius * direction, there - other_radius * direction
+    return [(start, end, distance - (radius + other_radius))]
 
 
-def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
-    pose = () if body.link is None else model.frame_pose(body.link, q)
-    return line_segment(as_capsule(body), *pose)
+def _pose(model: Model, q: ca.SX, body: Obstacle) -> tuple[ca.SX, ...]:
+    if isinstance(body, HalfSpace) or body.link is None:
+        return ()
+    pose: tuple[ca.SX, ca.SX] = model.frame_pose(body.link, q)
+    return pose
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -285,6 +311,8 @@ def has_symbols(obstacle: Obstacle) -> bool:
     """Return whether an obstacle is given by expressions in place of numbers."""
     if isinstance(obstacle, HalfSpace):
         return is_symbolic(obstacle.point)
+    if isinstance(obstacle, Box):
+        return is_symbolic(obstacle.centre, obstacle.size)
     body = as_capsule(obstacle)
     return is_symbolic(body.start, body.end, body.radius)
 
@@ -297,17 +325,7 @@ def _nearest_by_name(
     """
     found: dict[str, tuple[ca.SX, ca.SX, ca.SX]] = {}
     for name, body, other in apart:
-        one = _segment(model, q, body)
-        if isinstance(other, HalfSpace):
-            normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)
-            for end, distance in zip(one.ends, distances, strict=True):
-                start = end - body.radius * normal
-                add_named(found, name, (start, start - distance * normal, distance))
-            continue
-        second = _segment(model, q, other)
-        here, there = (second.start + each for each in _closest_points(one, second))
-        distance = segment_distance(one, second)
-        direction = (there - here) / distance
-        start, end = here + body.radius * direction, there - other.radius * direction
-        add_named(found, name, (start, end, distance - (body.radius + other.radius)))
+        segment = line_segment(as_capsule(body), *_pose(model, q, body))
+        for nearest in nearest_to_obstacle(segment, body.radius, other, *_pose(model, q, other)):
+            add_named(found, name, nearest)
     return found
