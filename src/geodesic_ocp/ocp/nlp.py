@@ -119,6 +119,12 @@ class NLP(ShortRepr):
         f, g = self.transcription.value(x, p)
         return {"x": x, "p": p, "f": f, "g": g}
 
+    @property
+    def violation(self) -> float:
+        """Largest violation of any condition at the nodes of the initial guess."""
+        _, g = self.transcription.value(self.units.scaled(self.nodes).ravel(), self.p)
+        return self.bounds.worst(self.nodes, g.full()[:, 0])[0]
+
     def not_finite(self) -> list[str]:
         """Get names of the expressions that are not finite or not differentiable on the guess."""
         c, grid, metric = self.conditions, self.grid, self.definition.metric

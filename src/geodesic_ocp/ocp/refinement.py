@@ -205,6 +205,24 @@ def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
     return Grid(every.size - 1, grid.degree, tuple(every.tolist()), via_segments)
 
 
+_RESOLVED, _HALVINGS = 1e-2, 3
+
+
+def resolving(grid: Grid, guess: Path, profile: ViolationProfile) -> Grid:
+    """Return the grid with segments halved until a guess on it meets the path constraints roughly,
+    where the guess itself does.
+    """
+    if profile(guess)[1].max() > _RESOLVED:
+        return grid
+    for _ in range(_HALVINGS):
+        path = Path(guess.metric, grid, guess(grid.nodes))
+        coarse = worst_by_segment(path, profile(path)) > _RESOLVED
+        if not np.any(coarse):
+            break
+        grid = halved(grid, coarse)
+    return grid
+
+
 _MAX_UPDATES = 30
 _COINCIDENT = 1e-4  # of the length: via points closer than this coincide
 _CONVERGED = 1e-5  # in s; the error of the energy is its square

@@ -65,6 +65,7 @@ class Stats:
         worst_constraint: name of the condition with that violation.
         max_path_violation: largest violation anywhere on the path, between the nodes included.
         mesh_history: the solves of a mesh refinement; empty if there was none.
+        guess: the guess that led to the solution, if `solve` has found another than the first.
     """
 
     success: bool
@@ -79,6 +80,7 @@ class Stats:
     worst_constraint: str
     max_path_violation: float
     mesh_history: tuple[MeshIteration, ...] = ()
+    guess: str = ""
 
     def __repr__(self) -> str:
         refined = f" on {len(self.mesh_history)} grids" if self.mesh_history else ""

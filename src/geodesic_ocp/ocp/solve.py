@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import Any, TypeAlias, overload
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_integer, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
+from geodesic_ocp.ocp.guesses import Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
-from geodesic_ocp.ocp.refinement import meeting_conditions, refine, with_optimal_via_points
+from geodesic_ocp.ocp.refinement import (
+    meeting_conditions,
+    refine,
+    resolving,
+    with_optimal_via_points,
+)
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import find_violations, violation_profile
@@ -35,6 +41,8 @@ _STEP = 0.1
 FILTER = {"gamma_theta": 0.9, "max_soc": 0}
 # If the guess is nearly a solution, Ipopt must not push it far from its bounds.
 NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
+_FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
+_SAME = 1e-5  # relative difference of the objectives of one solution on one grid
 # If there are multipliers as well, it need not estimate them.
 _WARM_START = {
     "warm_start_init_point": "yes",
@@ -61,6 +69,7 @@ def solve(
     throw: bool = True,
     callback: Callback | None = None,
     ipopt: Mapping[str, Any] | None = None,
+    num_starts: int = 1,
 ) -> Solution: ...
 def solve(
     problem: Problem | MotionProblem,
@@ -71,6 +80,7 @@ def solve(
     throw: bool = True,
     callback: Callback | None = None,
     ipopt: Mapping[str, Any] | None = None,
+    num_starts: int = 1,
 ) -> Solution | MotionSolution:
     """Return the path of least energy under the problem's conditions, a local solution.
 
@@ -79,13 +89,18 @@ def solve(
 
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
+    If the problem's own guess, by default the straight line, leads to no solution, and there are
+    path constraints in q, detours around them are tried, then paths of a sampling planner. The
+    same call always gives the same solution; `stats.guess` names the guess that led to it.
+
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
             `geodesic_ocp.ocp.motion_problem.solve_motion`.
         grid: grid of the nodes; the solution has this grid. None: the problem's own, refined where
             conditions are violated between the nodes by more than 1e-4, each in its unit.
-        guess: path or solution to start from, on any grid; by default the problem's guess, or the
-            straight line. A solution is a warm start.
+        guess: path or solution to start from, on any grid, alone; by default the problem's guess,
+            or the straight line. A solution is a warm start. From a path that meets the conditions,
+            such as `Path.through(metric, waypoints)`, the search stays near it.
         tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
             and the objective changes by less, relative, from one grid to the next;
             stats.mesh_history lists the solves.
@@ -94,6 +109,8 @@ def solve(
         callback: called with an `Iterate` in every iteration of Ipopt, and stops it by returning
             True. Numbers start anew on every grid.
         ipopt: options of Ipopt, by name.
+        num_starts: solve from so many guesses, if there are as many different ones, and return the
+            best solution.
 
     Raises:
         ValueError: the problem is malformed; its fixed ends violate its own conditions; or a
@@ -114,6 +131,7 @@ def solve(
     """
     options: dict[str, object] = {"grid": grid, "guess": guess, "tolerance": tolerance}
     options |= {"callback": callback, "ipopt": ipopt}
+    options["num_starts"] = None if as_integer("num_starts", num_starts, 1) == 1 else num_starts
     given = [name for name, value in options.items() if value is not None]
     if isinstance(problem, MotionProblem):
         if given:
@@ -137,20 +155,61 @@ def solve(
     if not isinstance(guess, Path | Solution | None):
         raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
     definition = problem.definition()
-    first = definition.grid if grid is None else grid
     solver = _Solver(problem, definition, dict(ipopt or {}), callback)
     conditions = definition.conditions
+    if guess is not None and num_starts > 1:
+        raise ValueError("num_starts: other guesses are found only where no guess is given")
+    if conditions.via and num_starts > 1:
+        raise ValueError("num_starts: problems with via points are solved from one guess")
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
         _check_refinable(conditions)
-    solution = solver.solve_from(first, guess)
-    if tolerance is not None or grid is None:
-        solution = refine(solver, violation_profile(conditions), solution, tolerance, guess)
-    else:
-        solution = meeting_conditions(solution, "leave grid out, or set tolerance")
+    profile = violation_profile(conditions)
+
+    def solved(guess: Path | Solution | None, others: Sequence[Solution] = ()) -> Solution:
+        first = definition.grid if grid is None else grid
+        if grid is None and isinstance(guess, Path) and not conditions.via:
+            first = resolving(first, guess, profile)
+        solution = solver.solve_from(first, guess)
+        if any(map(partial(_is_same, solution), others)):
+            return solution
+        if tolerance is not None or grid is None:
+            return refine(solver, profile, solution, tolerance, guess)
+        return meeting_conditions(solution, "leave grid out, or set tolerance")
+
+    solution = solved(guess)
+    if guess is None and not conditions.via:
+        solution = _best_of(solution, solved, Guesses(definition), num_starts)
     if throw and not solution.stats.success:
         raise NotConverged(describe_failure(solution), solution)
     return solution
+
+
+_ATTEMPTS = 6  # guesses after the first, if no solution is found
+
+
+def _best_of(
+    first: Solution, solved: Callable[..., Solution], guesses: Guesses, num_starts: int
+) -> Solution:
+    """Return the best of the solutions from so many guesses, the first if none of them is one."""
+    found = [first] if first.stats.success else []
+    last, attempts = first, 1
+    if first.stats.status == STOPPED or (num_starts == len(found)) or not guesses.apply:
+        return first
+    for name, path in guesses.paths():
+        last = solved(path, found)
+        attempts += 1
+        if last.stats.status == STOPPED:
+            return last
+        if last.stats.success and not any(map(partial(_is_same, last), found)):
+            found.append(replace(last, stats=replace(last.stats, guess=name)))
+        if attempts >= (num_starts if found else max(num_starts, 1 + _ATTEMPTS)):
+            break
+    if found:
+        return min(found, key=lambda each: each.stats.objective)
+    stats = first.stats
+    status = f"{stats.status}; nor from {', '.join(guesses.tried)}"
+    return replace(first, stats=replace(stats, status=status))
 
 
 def _check_refinable(conditions: Conditions) -> None:
@@ -167,6 +226,15 @@ def _check_refinable(conditions: Conditions) -> None:
             f"({names}): the finer the grid, the shorter the piece on which it is reached; leave "
             "tolerance out"
         )
+
+
+def _is_same(one: Solution, other: Solution) -> bool:
+    """Return whether two solutions are the same, one of them perhaps refined."""
+    objectives = [
+        (each.stats.mesh_history[0] if each.stats.mesh_history else each.stats).objective
+        for each in (one, other)
+    ]
+    return abs(objectives[0] - objectives[1]) <= _SAME * abs(objectives[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +256,9 @@ class _Solver:
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
-        return self._optimize_via(self._solve_once(grid, guess, {}))
+        nlp = build_nlp(self.definition, grid, guess)
+        near = NEAR if guess is not None and nlp.violation <= _FEASIBLE else {}
+        return self._optimize_via(self._solve_nlp(nlp, near))
 
     def solve_from(self, grid: Grid, start: Path | Solution | None) -> Solution:
         """Get the solution on a grid, from another solution's path alone if nothing else helps."""

@@ -46,6 +46,39 @@ class Path:
         nodes.flags.writeable = False
         object.__setattr__(self, "nodes", nodes)
 
+    @classmethod
+    def through(cls, metric: Metric, waypoints: ArrayLike) -> Path:
+        """Return the polyline through waypoints (m, n), such as those of a planner.
+
+        Its speed is constant: s is proportional to the length of the straight pieces. Waypoints
+        that repeat the one before are left out.
+
+        >>> import geodesic_ocp as go
+        >>> detour = go.Path.through(go.Euclidean(2), [(0.0, 0.0), (1.0, 0.0), (1.0, 3.0)])
+        >>> detour(0.25).tolist(), detour.length
+        ([1.0, 0.0], 4.0)
+
+        Raises:
+            ValueError: fewer than two different waypoints, another shape, or not finite.
+        """
+        q = real_array(waypoints, "waypoints")
+        if q.ndim != 2 or q.shape[1] != metric.dim or not np.all(np.isfinite(q)):
+            raise ValueError(f"waypoints must be finite, (m, {metric.dim}), got shape {q.shape}")
+        steps = np.diff(q, axis=0)
+        lengths = np.zeros(len(steps))
+        if np.any(steps):
+            lengths = speeds_at(metric, q[:-1] + steps / 2.0, steps)
+        q, lengths = q[np.append(True, ~(lengths == 0.0))], lengths[~(lengths == 0.0)]
+        if not (len(lengths) and np.all(np.isfinite(lengths))):
+            raise ValueError(
+                f"waypoints must be two or more different ones, where the metric is defined, got "
+                f"{waypoints!r}"
+            )
+        ends = np.append(0.0, np.cumsum(lengths))
+        middle = (q[1:] + q[:-1]) / 2.0
+        nodes = np.vstack([q[:1], *np.stack([middle, q[1:]], axis=1)])
+        return cls(metric, Grid(len(lengths), 2, tuple((ends / ends[-1]).tolist())), nodes)
+
     def __repr__(self) -> str:
         with np.printoptions(precision=4, suppress=True, linewidth=1000, threshold=8):
             ends = f"from {self.nodes[0]} to {self.nodes[-1]}"
