@@ -63,7 +63,7 @@ class TwoLinkChallenge(go.Problem):
         if (self.start, self.goal) != (START, GOAL):
             return
         for velocity, index in OTHERS:
-            other = go.geodesic_from_velocity(path.metric, START, velocity)
+            other = go.logarithm.geodesic_from_velocity(path.metric, START, velocity)
             name = f"length {other.length:.4f}, index {index}"
             style = "--" if index == 0 else ":"
             axes.plot(*other(np.linspace(0.0, 1.0, 201)).T, style, color="#e07b00", label=name)

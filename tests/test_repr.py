@@ -48,6 +48,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     obstacles = [
         go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp"),
         go.Capsule((0.0, 0.0, 1.0), (0.0, 0.0, 2.0), 0.1),
+        go.Box((3.0, 0.0, 0.0), (0.1, 0.2, 0.3), name="shelf"),
         go.HalfSpace((0.0, 0.0, -3.0), (0.0, 0.0, 1.0), "floor"),
     ]
     metric, both = go.KineticEnergy(arm), go.combine(go.human_arm("left"), arm)

@@ -22,7 +22,6 @@ from .logarithm.cubics import cubic as cubic
 from .logarithm.cubics import spline as spline
 from .logarithm.geodesic import Geodesic as Geodesic
 from .logarithm.geodesic import geodesic as geodesic
-from .logarithm.geodesic import geodesic_from_velocity as geodesic_from_velocity
 from .logarithm.geodesic import geodesics as geodesics
 from .logarithm.geodesic_to_pose import geodesic_to_pose as geodesic_to_pose
 from .logarithm.log import distance as distance
@@ -42,6 +41,7 @@ from .model.human import human_arm as human_arm
 from .model.human import human_upper_body as human_upper_body
 from .model.model import Model as Model
 from .model.primitives import Ball as Ball
+from .model.primitives import Box as Box
 from .model.primitives import Capsule as Capsule
 from .model.primitives import HalfSpace as HalfSpace
 from .ocp.certificate import certify as certify

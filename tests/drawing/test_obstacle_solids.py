@@ -68,6 +68,14 @@ def test_the_face_of_a_half_space_lies_on_its_plane_and_covers_the_scene(
         assert np.abs((corners - middle) @ edge / (2.0 * half)).max() <= half
 
 
+def test_a_box_is_where_its_corners_are() -> None:
+    turn = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    (solid,) = obstacle_solids([go.Box((1.0, 0.0, 0.0), (0.2, 0.4, 0.6), turn)], LOW, HIGH)
+    assert volume(solid.vertices, solid.triangles) == pytest.approx(0.048)
+    assert_allclose(solid.vertices.min(axis=0), [0.8, -0.1, -0.3])
+    assert_allclose(solid.vertices.max(axis=0), [1.2, 0.1, 0.3])
+
+
 def test_symbols_are_left_out_and_others_keep_their_names() -> None:
     obstacles = [
         go.Ball((0.0, 0.0, 0.0), 0.1),

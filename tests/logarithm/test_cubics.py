@@ -116,7 +116,7 @@ def test_cubic_time_laws_on_geodesics_are_cubics(metric: go.Metric) -> None:
     v = np.linspace(0.6, -0.3, metric.dim)
     s = np.polynomial.Polynomial([0.0, 0.4, 1.2, -0.6])
     rates = s.deriv()(np.array([0.0, 1.0]))
-    line = go.geodesic_from_velocity(metric, q, v)
+    line = go.logarithm.geodesic_from_velocity(metric, q, v)
     v1 = line.velocities(1.0) if hasattr(line, "velocities") else line(1.0, 1)
     motion = go.cubic(metric, q, rates[0] * v, line(1.0), rates[1] * v1, 1.0)
     np.testing.assert_allclose(motion(TIMES), line(s(TIMES)), atol=1e-8)
@@ -300,7 +300,7 @@ def test_the_equation_holds_for_metrics_of_users(metric: go.Metric) -> None:
 
 
 def test_motions_without_action_are_minimal() -> None:
-    line = go.geodesic_from_velocity(HUMAN, np.full(7, 0.3), np.linspace(0.5, -0.5, 7))
+    line = go.logarithm.geodesic_from_velocity(HUMAN, np.full(7, 0.3), np.linspace(0.5, -0.5, 7))
     along = go.cubic(HUMAN, line(0.0), line(0.0, 1), line(1.0), line(1.0, 1), 1.0)
     still = go.cubic(HUMAN, np.ones(7), np.zeros(7), np.ones(7), np.zeros(7), 1.0)
     for motion in (along, still):

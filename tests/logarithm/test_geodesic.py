@@ -42,11 +42,11 @@ def test_ends_whose_squared_distance_underflows(arm_metric: go.KineticEnergy) ->
 
 
 def test_geodesic_from_velocity_ends_at_exp(arm_metric: go.KineticEnergy) -> None:
-    path = go.geodesic_from_velocity(arm_metric, START, VELOCITY)
+    path = go.logarithm.geodesic_from_velocity(arm_metric, START, VELOCITY)
     assert_allclose(path(1.0), go.exp(arm_metric, START, VELOCITY), atol=1e-9)
     assert_allclose(path(0.0, 1), VELOCITY, atol=1e-5)
     with pytest.raises(ValueError, match="v0 must not be zero"):
-        go.geodesic_from_velocity(arm_metric, START, np.zeros(7))
+        go.logarithm.geodesic_from_velocity(arm_metric, START, np.zeros(7))
 
 
 class TorusOfRevolution(go.Metric):
@@ -73,7 +73,7 @@ def test_geodesics_of_length_zero_have_a_certificate() -> None:
 
 
 def test_repr_shows_a_certificate_once_it_is_known(arm_metric: go.KineticEnergy) -> None:
-    path = go.geodesic_from_velocity(arm_metric, START, VELOCITY)
+    path = go.logarithm.geodesic_from_velocity(arm_metric, START, VELOCITY)
     assert repr(path).startswith(f"Geodesic(length {path.length:.6g}, from [ 0.4")
     assert len(repr(path).splitlines()) == 2
     certificate = path.certificate

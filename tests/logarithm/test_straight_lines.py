@@ -69,7 +69,9 @@ def test_closed_forms_need_no_solver(metric: go.Metric) -> None:
     assert path.certificate.drift < 1e-12
     (only,) = go.geodesics(metric, START, GOAL)
     assert np.array_equal(only.velocity, GOAL - START)
-    assert np.array_equal(go.geodesic_from_velocity(metric, START, VECTOR)(1.0), START + VECTOR)
+    assert np.array_equal(
+        go.logarithm.geodesic_from_velocity(metric, START, VECTOR)(1.0), START + VECTOR
+    )
     assert np.array_equal(go.parallel_transport(metric, path, VECTOR), VECTOR)
     mean = go.frechet_mean(metric, [START, GOAL], [2.0, 1.0])
     assert mean == pytest.approx((2.0 * START + GOAL) / 3.0, rel=1e-14)
@@ -107,7 +109,10 @@ def test_arguments_are_checked_as_for_any_metric() -> None:
         (lambda: go.log(metric, START, [np.nan, 0.0, 0.0]), "q1 must be finite"),
         (lambda: go.log(metric, START, GOAL, num_starts=0), "num_starts must be a positive"),
         (lambda: go.log(metric, START, [GOAL, np.full(3, np.inf)]), "row 1: q1 must be finite"),
-        (lambda: go.geodesic_from_velocity(metric, START, np.zeros(3)), "v0 must not be zero"),
+        (
+            lambda: go.logarithm.geodesic_from_velocity(metric, START, np.zeros(3)),
+            "v0 must not be zero",
+        ),
     ):
         with pytest.raises(ValueError, match=message):
             call()

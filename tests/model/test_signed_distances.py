@@ -143,7 +143,7 @@ def test_errors_name_links_and_arguments(arm: go.Model) -> None:
         go.distances.signed_distances(arm, q, pairs=[("right hand", "left hand")])
     with pytest.raises(ValueError, match="pairs must be a list of pairs of two different links"):
         go.distances.signed_distances(arm, q, pairs=[("right hand", "right hand")])
-    with pytest.raises(ValueError, match="obstacles must be Ball, Capsule or HalfSpace"):
+    with pytest.raises(ValueError, match="obstacles must be Ball, Capsule, Box or HalfSpace"):
         go.distances.signed_distances(arm, q, ["wall"])
     with pytest.raises(ValueError, match="has no bodies"):
         go.distances.signed_distances(arm.with_bodies(), q, [ball])

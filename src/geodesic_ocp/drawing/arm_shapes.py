@@ -19,7 +19,7 @@ from geodesic_ocp.drawing.styles import NEUTRAL, ROLES, mixed
 from geodesic_ocp.model.distances import NearestPoints, nearest_points
 from geodesic_ocp.model.look import Colour, Indices
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.primitives import HalfSpace, Obstacle, core_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -235,11 +235,10 @@ def obstacle_shape(
         return None if len(outline) < 3 else Shape((outline,), _FAR, _FACE, _EDGE, 0.0, _HATCH)
     if obstacle.link is not None:
         return None
-    body = as_capsule(obstacle)
-    ends = np.array([body.start, body.end])
-    farthest = np.argmax(DIRECTIONS @ view.plane(ends).T, axis=1)
-    outline = view.plane(ends)[farthest] + body.radius * DIRECTIONS
-    return Shape((outline,), float(view.depth(ends).mean()), _FACE, _EDGE, 0.9, _HATCH)
+    points, radius = core_points(obstacle)
+    farthest = np.argmax(DIRECTIONS @ view.plane(points).T, axis=1)
+    outline = view.plane(points)[farthest] + radius * DIRECTIONS
+    return Shape((outline,), float(view.depth(points).mean()), _FACE, _EDGE, 0.9, _HATCH)
 
 
 def obstacle_shapes(

@@ -9,7 +9,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.arm_shapes import DIRECTIONS, Postures
 from geodesic_ocp.drawing.camera import Camera
-from geodesic_ocp.model.primitives import Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace, Obstacle, core_points
 
 _FLAT = 1e-6  # extent along an axis, relative to the largest, of a motion in a plane
 _STEP = 15.0  # [deg] between the azimuths that are compared
@@ -97,7 +97,7 @@ def _worth(
         if isinstance(obstacle, HalfSpace):
             worth -= _EDGE_ON * float(abs(view.towards @ np.array(obstacle.normal)) > _SEEN)
         elif obstacle.link is None:
-            overlaps = _overlaps(view, postures, as_capsule(obstacle))
+            overlaps = _overlaps(view, postures, obstacle)
             most = overlaps.mean() if closest is None else overlaps[closest]
             worth -= _OVERLAP * float(overlaps.mean() + 2.0 * most) / len(obstacles)
     return worth
@@ -117,15 +117,17 @@ def _hidden(view: Camera, postures: Postures) -> float:
     return float(hidden.mean())
 
 
-def _overlaps(view: Camera, postures: Postures, body: Capsule) -> Array:
-    """Return overlaps (k,) of an obstacle and the moving bodies, relative to its diameter."""
-    ends = view.plane(np.array([body.start, body.end])) @ _ROUGH.T
-    nearest = ends.min(axis=0) - body.radius  # of the obstacle, by direction
+def _overlaps(view: Camera, postures: Postures, body: Capsule | Ball | Box) -> Array:
+    """Return overlaps (k,) of an obstacle and the moving bodies, relative to its least width."""
+    core, radius = core_points(body)
+    places = view.plane(core) @ _ROUGH.T
+    nearest = places.min(axis=0) - radius  # of the obstacle, by direction
+    width = float((np.ptp(places, axis=0) + 2.0 * radius).min())
     overlaps = []
     for points in postures.moving:
         farthest = (view.plane(points) @ _ROUGH.T).max(axis=-2)
         # The gap along the direction that separates them best.
-        overlaps.append(np.clip(-np.max(nearest - farthest, axis=-1), 0.0, 2.0 * body.radius))
+        overlaps.append(np.clip(-np.max(nearest - farthest, axis=-1), 0.0, width))
     if not overlaps:
         return np.zeros(len(postures))
-    return np.asarray(np.max(overlaps, axis=0) / (2.0 * body.radius))
+    return np.asarray(np.max(overlaps, axis=0) / width)

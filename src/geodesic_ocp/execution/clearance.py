@@ -27,12 +27,12 @@ from geodesic_ocp.model.distances import (
     LineSegment,
     add_named,
     as_pair,
-    half_space_distances,
     line_segment,
+    nearest_to_obstacle,
     segment_distance,
 )
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.primitives import HalfSpace, Obstacle
 from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 
@@ -94,8 +94,8 @@ def keep_clear(
         arms: a model, or several.
         pairs: pairs of links, as from `link_pairs`, whose `constrained` ones are taken, or by name;
             None: those that `link_pairs` finds.
-        obstacles: balls, capsules and half-spaces in the common base frame, which all moving links
-            keep clear of.
+        obstacles: balls, capsules, boxes and half-spaces in the common base frame, which all moving
+            links keep clear of.
         margin: smallest distance allowed [m].
         placements: placements of the bases of the arms, see `link_pairs`.
 
@@ -119,7 +119,7 @@ def keep_clear(
         for link in moving:
             name = f"{link} to {obstacle.name or f'obstacle {number}'}"
             for segment, radius in segments[link]:
-                for found in _from_obstacle(segment, radius, obstacle):
+                for *_, found in nearest_to_obstacle(segment, radius, obstacle):
                     add_named(distances, name, found)
                     solids.append(None)
     if not distances:
@@ -193,20 +193,13 @@ def _pairs(
 
 
 def _check_obstacle(obstacle: Obstacle) -> None:
-    if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
-        raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
+    if not isinstance(obstacle, Obstacle):
+        raise ValueError(f"obstacles must be Ball, Capsule, Box or HalfSpace, got {obstacle!r}")
     if not isinstance(obstacle, HalfSpace) and obstacle.link is not None:
         raise ValueError(
             f"obstacles must not be fixed to a link, as to {obstacle.link!r}; add what a link "
             "carries with Model.with_bodies"
         )
-
-
-def _from_obstacle(segment: LineSegment, radius: float, obstacle: Obstacle) -> Sequence[ca.SX]:
-    if isinstance(obstacle, HalfSpace):
-        return half_space_distances(segment, radius, obstacle)
-    capsule = as_capsule(obstacle)
-    return [segment_distance(segment, line_segment(capsule)) - (radius + capsule.radius)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,4 +1,4 @@
-"""Distances between capsules, balls and half-spaces, as expressions and as numbers.
+"""Distances of capsules and balls from each other and from obstacles, as expressions or numbers.
 
 Closest points of two segments: Ericson, Real-Time Collision Detection (2005), 5.1.9. The distance
 is exact, and continuously differentiable except where it is zero or the segments are parallel;
@@ -19,8 +19,9 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, is_symbolic
 from geodesic_ocp.blocks import Instance, Terms
+from geodesic_ocp.model.box_distances import box_distance
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.primitives import Ball, Body, Box, Capsule, HalfSpace, Obstacle, as_capsule
 
 __all__ = ["clearance_constraints", "signed_distances"]
 
@@ -202,8 +203,8 @@ def bodies_apart(
     if links is None and obstacles:  # reading the bodies of a file is slow
         moving = [body for body in model.bodies if body.link and model.moves(body.link)]
     for number, obstacle in enumerate(obstacles):
-        if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
-            raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
+        if not isinstance(obstacle, Obstacle):
+            raise ValueError(f"obstacles must be Ball, Capsule, Box or HalfSpace, got {obstacle!r}")
         if not moving and links is None:
             raise ValueError(f"{model.name!r} has no bodies; add them with Model.with_bodies")
         other = obstacle.name or f"obstacle {number}"
@@ -246,15 +247,44 @@ def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[
     return [body for link in links for body in model.bodies if body.link == link]
 
 
-def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpace) -> list[ca.SX]:
-    """Return distances [m] of the ends of a capsule from a half-space."""
-    normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
-    return [ca.dot(normal, end - point) - radius for end in segment.ends]
+def nearest_to_obstacle(
+    segment: LineSegment, radius: float, obstacle: Obstacle, *pose: ca.SX
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Return points (3, 1) [m] at which a capsule and an obstacle are nearest, and their distance.
+
+    Above a half-space, those of both ends.
+
+    Args:
+        segment, radius: the capsule.
+        obstacle: the obstacle.
+        pose: rotation (3, 3) and position (3, 1) of the frame that it is fixed to, if it moves.
+    """
+    if isinstance(obstacle, HalfSpace):
+        normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
+        starts = [end - radius * normal for end in segment.ends]
+        heights = [ca.dot(normal, end - point) - radius for end in segment.ends]
+        return [(at, at - high * normal, high) for at, high in zip(starts, heights, strict=True)]
+    if isinstance(obstacle, Box):
+        other_radius = 0.0
+        distance, here, there = box_distance(segment.start, segment.along, obstacle, *pose)
+    else:
+        other, other_radius = line_segment(as_capsule(obstacle), *pose), obstacle.radius
+        here, there = (other.start + each for each in _closest_points(segment, other))
+        distance = segment_distance(segment, other)
+    direction = (there - here) / distance
+    start, end = here + radius * direction, there - other_radius * direction
+    return [(start, end, distance - (radius + other_radius))]
 
 
 def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
-    pose = () if body.link is None else model.frame_pose(body.link, q)
-    return line_segment(as_capsule(body), *pose)
+    return line_segment(as_capsule(body), *_pose(model, q, body))
+
+
+def _pose(model: Model, q: ca.SX, body: Obstacle) -> tuple[ca.SX, ...]:
+    if isinstance(body, HalfSpace) or body.link is None:
+        return ()
+    pose: tuple[ca.SX, ca.SX] = model.frame_pose(body.link, q)
+    return pose
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -307,6 +337,8 @@ def has_symbols(obstacle: Obstacle) -> bool:
     """Return whether an obstacle is given by expressions in place of numbers."""
     if isinstance(obstacle, HalfSpace):
         return is_symbolic(obstacle.point)
+    if isinstance(obstacle, Box):
+        return is_symbolic(obstacle.centre, obstacle.size)
     body = as_capsule(obstacle)
     return is_symbolic(body.start, body.end, body.radius)
 
@@ -316,18 +348,24 @@ def _distances(
 ) -> list[ca.SX]:
     """Return distance [m] of a body from another; from a plane, those of its ends."""
     one = segment(body)
-    if isinstance(other, HalfSpace):
-        return half_space_distances(one, body.radius, other)
-    if has_symbols(other) or has_symbols(body):
-        return [_clearance(one, _segment(model, q, other), body, other)]
-    points = (other.centre,) if isinstance(other, Ball) else dict.fromkeys((other.start, other.end))
-    terms = _distance_terms(model, body, len(points), other.link)
-    distance = _clearance(one, segment(other), body, other)
-    return [Instance(distance, terms, q, np.array([*np.ravel(list(points)), other.radius]))]
+    if isinstance(other, HalfSpace) or has_symbols(other) or has_symbols(body):
+        nearest = nearest_to_obstacle(one, body.radius, other, *_pose(model, q, other))
+        return [distance for _, _, distance in nearest]
+    if isinstance(other, Box):
+        numbers: list[Any] = [other.centre, other.size, np.transpose(other.rotation)]
+        pose = _pose(model, q, other)
+        distance = box_distance(one.start, one.along, other, *pose)[0] - body.radius
+        terms = _box_terms(model, body, other.link)
+    else:
+        points = [other.centre] if isinstance(other, Ball) else [*{other.start: 0, other.end: 0}]
+        numbers = [*points, other.radius]
+        distance = segment_distance(one, segment(other)) - (body.radius + other.radius)
+        terms = _capsule_terms(model, body, len(points), other.link)
+    return [Instance(distance, terms, q, np.concatenate([*map(np.ravel, numbers)]))]
 
 
 @lru_cache(maxsize=512)
-def _distance_terms(model: Model, body: Body, num_points: int, link: str | None) -> Terms:
+def _capsule_terms(model: Model, body: Body, num_points: int, link: str | None) -> Terms:
     """Return the distance of a body from any capsule, or any ball, in terms of its points and
     radius.
     """
@@ -335,12 +373,23 @@ def _distance_terms(model: Model, body: Body, num_points: int, link: str | None)
     points = ca.SX.sym("x", 3, num_points)
     ends = ca.horzsplit(points)
     other = Capsule(ends[0], ends[-1], radius, link)  # type: ignore[arg-type]
-    distance = _clearance(_segment(model, q, body), _segment(model, q, other), body, other)
+    segments = (_segment(model, q, each) for each in (body, other))
+    distance = segment_distance(*segments) - (body.radius + radius)
     return Terms(q, ca.vertcat(ca.vec(points), radius), 0.0, distance)
 
 
-def _clearance(one: LineSegment, two: LineSegment, body: Body, other: Body) -> ca.SX:
-    return segment_distance(one, two) - (body.radius + other.radius)
+@lru_cache(maxsize=512)
+def _box_terms(model: Model, body: Body, link: str | None) -> Terms:
+    """Return the distance of a body from any box, in terms of its centre, size and rotation."""
+    q, centre, size = (ca.SX.sym(name, n) for name, n in (("q", model.dof), ("c", 3), ("s", 3)))
+    turn = ca.SX.sym("R", 3, 3)
+    box, pose = Box((0.0, 0.0, 0.0), size, link=link), (turn, centre)  # type: ignore[arg-type]
+    if link is not None:
+        rotation, position = _pose(model, q, box)
+        pose = rotation @ turn, position + rotation @ centre
+    one = _segment(model, q, body)
+    distance = box_distance(one.start, one.along, box, *pose)[0] - body.radius
+    return Terms(q, ca.vertcat(centre, size, ca.vec(turn)), 0.0, distance)
 
 
 def _nearest_by_name(
@@ -351,17 +400,7 @@ def _nearest_by_name(
     """
     found: dict[str, tuple[ca.SX, ca.SX, ca.SX]] = {}
     for name, body, other in apart:
-        one = _segment(model, q, body)
-        if isinstance(other, HalfSpace):
-            normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)
-            for end, distance in zip(one.ends, distances, strict=True):
-                start = end - body.radius * normal
-                add_named(found, name, (start, start - distance * normal, distance))
-            continue
-        second = _segment(model, q, other)
-        here, there = (second.start + each for each in _closest_points(one, second))
-        distance = segment_distance(one, second)
-        direction = (there - here) / distance
-        start, end = here + body.radius * direction, there - other.radius * direction
-        add_named(found, name, (start, end, distance - (body.radius + other.radius)))
+        pose = _pose(model, q, other)
+        for nearest in nearest_to_obstacle(_segment(model, q, body), body.radius, other, *pose):
+            add_named(found, name, nearest)
     return found

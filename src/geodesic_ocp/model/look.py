@@ -16,7 +16,7 @@ from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Body, as_capsule
+from geodesic_ocp.model.primitives import Ball, Box, Capsule, as_capsule
 
 Indices: TypeAlias = NDArray[np.int64]
 Colour: TypeAlias = tuple[float, float, float]
@@ -277,8 +277,12 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
         yield Mesh(link, *placed, (red, green, blue))
 
 
-def body_mesh(body: Body) -> Mesh:
-    """Return a capsule or a ball as a mesh."""
+def body_mesh(body: Capsule | Ball | Box) -> Mesh:
+    """Return a capsule, a ball or a box as a mesh."""
+    if isinstance(body, Box):
+        surface = box(np.array(body.size) / 2.0)
+        placed = moved(surface, np.array(body.rotation), np.array(body.centre))
+        return Mesh(str(body.link), *placed, GREY)
     capsule = as_capsule(body)
     start, end = np.array(capsule.start), np.array(capsule.end)
     return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)

@@ -1,4 +1,4 @@
-"""Geometric primitives for distances: balls and capsules, on links or fixed, and half-spaces."""
+"""Geometric primitives for distances: balls, capsules and boxes, on links or fixed, half-spaces."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import as_positive, as_vector, is_symbolic
+from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, is_symbolic
 
 Point: TypeAlias = tuple[float, float, float]
 
@@ -65,6 +65,37 @@ class Ball:
 
 
 @dataclass(frozen=True)
+class Box:
+    """A solid cuboid, as an obstacle.
+
+    Attributes:
+        centre: (3,) [m], in the link's frame or the base frame.
+        size: lengths of its edges along its own axes, (3,) [m], as in URDF.
+        rotation: rotation of its axes, (3, 3), in the link's frame or the base frame.
+        link, name: see `Capsule`.
+
+    Centre and size may be SX expressions, such as a problem's `parameters`.
+
+    Raises:
+        ValueError: wrong shapes, sizes that are not positive, or a matrix that is no rotation.
+    """
+
+    centre: Point
+    size: Point
+    rotation: tuple[Point, Point, Point] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    link: str | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for key in ("centre", "size"):
+            object.__setattr__(self, key, _point(key, getattr(self, key)))
+        if not is_symbolic(self.size) and not min(self.size) > 0.0:
+            raise ValueError(f"size must be positive [m], got {self.size}")
+        rows = as_rotation("rotation", self.rotation).tolist()
+        object.__setattr__(self, "rotation", tuple(map(tuple, rows)))
+
+
+@dataclass(frozen=True)
 class HalfSpace:
     """All points behind a fixed plane, such as a table or a wall.
 
@@ -92,7 +123,7 @@ class HalfSpace:
 
 
 Body: TypeAlias = Capsule | Ball
-Obstacle: TypeAlias = Capsule | Ball | HalfSpace
+Obstacle: TypeAlias = Capsule | Ball | Box | HalfSpace
 # Bodies, or a function that reads them from a file on first use.
 Bodies: TypeAlias = tuple[Body, ...] | Callable[[], tuple[Body, ...]]
 
@@ -117,3 +148,14 @@ def as_capsule(body: Body) -> Capsule:
     if isinstance(body, Capsule):
         return body
     return Capsule(body.centre, body.centre, body.radius, body.link, body.name)
+
+
+def core_points(body: Capsule | Ball | Box) -> tuple[Array, float]:
+    """Return points (k, 3) [m] and a radius [m]: the body is all that is within the radius of their
+    convex hull.
+    """
+    if isinstance(body, Box):
+        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+        return signs * body.size @ np.transpose(body.rotation) + body.centre, 0.0
+    capsule = as_capsule(body)
+    return np.array([capsule.start, capsule.end]), capsule.radius

@@ -17,7 +17,7 @@ from geodesic_ocp.arrays import Array, is_symbolic, real_array
 from geodesic_ocp.blocks import Instance
 from geodesic_ocp.drawing.arm_shapes import draw_obstacle
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle
+from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.conditions import Condition, Conditions
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.trajectory.grid import Grid
@@ -35,12 +35,12 @@ def drawn_obstacles(problem: Any) -> tuple[Obstacle, ...]:
     """
     given = problem.obstacles
     listed = isinstance(given, list | tuple)
-    if listed and all(isinstance(each, Ball | Capsule | HalfSpace) for each in given):
+    if listed and all(isinstance(each, Obstacle) for each in given):
         return tuple(given)
     warnings.warn(
         f"{type(problem).__name__}.obstacles are not drawn: they must be a list of go.Ball, "
-        f"go.Capsule and go.HalfSpace, got {given!r}; an attribute that means something else needs "
-        "another name",
+        f"go.Capsule, go.Box and go.HalfSpace, got {given!r}; an attribute that means something "
+        "else needs another name",
         stacklevel=2,
     )
     return ()

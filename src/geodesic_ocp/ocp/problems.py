@@ -34,7 +34,7 @@ class ConstrainedProblem(Problem):
         speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
             a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
             limit.
-        obstacles: balls, capsules and half-spaces that the collision bodies keep clear of.
+        obstacles: balls, capsules, boxes and half-spaces that the collision bodies keep clear of.
         links: links whose bodies keep clear of obstacles; None: all that move.
         pairs: pairs of links that keep clear of each other.
         margin: smallest distance [m] from obstacles and within pairs.
@@ -122,7 +122,7 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
         speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
             a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
             limit.
-        obstacles: balls, capsules and half-spaces that the collision bodies keep clear of.
+        obstacles: balls, capsules, boxes and half-spaces that the collision bodies keep clear of.
         links: links whose bodies keep clear of obstacles; None: all that move.
         pairs: pairs of links that keep clear of each other.
         margin: smallest distance [m] from obstacles and within pairs.

@@ -17,7 +17,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
+from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace
 from geodesic_ocp.ocp.certificate import Certificate, FinalIterate, certify_iterate
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
@@ -101,7 +101,7 @@ class Stats:
         return sum(each.seconds for each in self.mesh_history) or self.seconds
 
 
-_DATACLASSES = {kind.__name__: kind for kind in (Ball, Capsule, HalfSpace)}
+_DATACLASSES = {kind.__name__: kind for kind in (Ball, Box, Capsule, HalfSpace)}
 
 
 def encoded_fields(problem: object) -> dict[str, Any]:
