@@ -195,6 +195,24 @@ def find_by_newton(
     )
 
 
+def find_many_by_newton(metric: Metric, q0: Array, q1: Array) -> Array | None:
+    """Return initial velocities (k, n) of geodesics between k pairs, (k, n) each, all at once.
+
+    They are those of the first attempt of `find_by_newton` from the straight line; NaN where it
+    fails. None where the compiled library cannot do it.
+    """
+    s = _LEVELS.grids[0].nodes[:, None]
+    return metric.kernels.log_maps(
+        q0,
+        q1,
+        q0[:, None] + s * (q1 - q0)[:, None],
+        _LEVELS.structures,
+        _LEVELS.first,
+        Tolerances(STEP, 0.0, TOLERANCE),
+        np.array([wanted_error(*pair) for pair in zip(q0, q1, strict=True)]),
+    )
+
+
 def _attempts(
     metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool, relax: bool = True
 ) -> Iterator[Attempt]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -24,9 +25,14 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_integer, real_array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
-from geodesic_ocp.logarithm.by_newton import ConnectingGeodesic, find_by_newton, find_by_shooting
+from geodesic_ocp.logarithm.by_newton import (
+    ConnectingGeodesic,
+    find_by_newton,
+    find_by_shooting,
+    find_many_by_newton,
+)
 from geodesic_ocp.manifold.exp import exp
-from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows
+from geodesic_ocp.manifold.metric import Metric, as_metric, in_threads, over_rows
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -52,9 +58,51 @@ _TOLERANCE = 1e-8
 _ROUNDING = 4.0 * np.finfo(float).eps
 _MAX_STEPS = 100
 _SMALLEST_STEP = 1e-3
+_BLOCK = 64  # pairs whose geodesics are found at once
 
 
-@over_rows
+def _logs(
+    count: int,
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    num_starts: int = 1,
+    seed: int = 0,
+    solver: str | None = None,
+) -> dict[int, Array]:
+    """Return velocities of `log` of those rows for which all at once find them."""
+    if num_starts != 1 or seed != 0 or as_solver(solver) == "ipopt":
+        return {}
+    ends = [np.asarray(each) for each in (q0, q1)]
+
+    def of_block(block: int) -> dict[int, Array]:
+        rows, pairs = [], []
+        for row in range(block * _BLOCK, min(count, (block + 1) * _BLOCK)):
+            with suppress(ValueError):  # which the row itself raises, with its number
+                start, goal = (
+                    metric.point(name, each[row] if each.ndim == 2 else each)
+                    for name, each in zip(("q0", "q1"), ends, strict=True)
+                )
+                if not are_nearby(start, goal):
+                    rows.append(row)
+                    pairs.append((start, goal))
+        if not rows:
+            return {}
+        starts, goals = (np.array(each) for each in zip(*pairs, strict=True))
+        found = find_many_by_newton(metric, starts, goals)
+        if found is None:
+            return {}
+        return {
+            row: velocity
+            for row, velocity in zip(rows, found, strict=True)
+            if np.all(np.isfinite(velocity))
+        }
+
+    blocks = in_threads(of_block, -(-count // _BLOCK))
+    return {row: velocity for block in blocks for row, velocity in block.items()}
+
+
+@partial(over_rows, many=_logs)
 def log(
     metric: Metric,
     q0: ArrayLike,
@@ -92,7 +140,6 @@ def log(
     return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
 
 
-@over_rows
 def distance(
     metric: Metric,
     q0: ArrayLike,
@@ -109,7 +156,10 @@ def distance(
     5.0
     """
     velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
-    return float(metric.norm(q0, velocity))
+    if velocity.ndim == 1:
+        return float(metric.norm(q0, velocity))
+    points = np.broadcast_to(np.asarray(q0, dtype=float), velocity.shape)
+    return np.array([metric.norm(*each) for each in zip(points, velocity, strict=True)])
 
 
 def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
@@ -154,7 +204,7 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
     step, smallest = 1.0, np.inf
     origin = direction = x
     for _ in range(_MAX_STEPS):
-        logs = np.array([log(metric, x, point) for point in samples])
+        logs = log(metric, x, samples)
         gradient = w @ logs
         spread = max(metric.norm(x, each) for each in logs)
         size = metric.norm(x, gradient)

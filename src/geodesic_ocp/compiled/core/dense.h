@@ -49,11 +49,63 @@ static int cholesky(const blas *library, double *a, int size, int width, int sha
   return 0;
 }
 
+#ifdef LANES
+/* c (rows) := keep * c + factor * sum, or a part of them where fewer are left */
+static inline void store_rows(lanes sum, int rows, double factor, double keep, double *c) {
+  lanes before;
+  int l;
+  sum *= factor;
+  if (rows < LANES) {
+    for (l = 0; l < rows; l++) c[l] = sum[l] + (keep ? c[l] : 0);
+    return;
+  }
+  memcpy(&before, c, sizeof(before));
+  if (keep) sum += before;
+  memcpy(c, &sum, sizeof(sum));
+}
+
+/* As `add_product`: two vectors of rows by six columns at once. */
+static void add_product_in_lanes(int rows, int columns, int inner, double factor, const double *a,
+                                 int stride, const double *b, double keep, double *c) {
+#define SIX(do) do(0) do(1) do(2) do(3) do(4) do(5)
+#define START(j) const double *b##j = b + (long)(column + j < columns ? column + j : column) * inner;
+#define ZERO(j) lanes first##j = zero, second##j = zero;
+#define ADD(j) first##j += at[0] * b##j[k], second##j += at[1] * b##j[k];
+#define STORE(j)                                                                                   \
+  if (column + j < columns) {                                                                      \
+    double *to = c + (long)(column + j) * rows + row;                                              \
+    store_rows(first##j, rows - row, factor, keep, to);                                            \
+    if (rows - row > LANES) store_rows(second##j, rows - row - LANES, factor, keep, to + LANES);   \
+  }
+  int width = (rows + 2 * LANES - 1) / (2 * LANES) * 2, column, row, k;
+  lanes packed[inner * width];
+  for (k = 0; k < inner; k++) {
+    packed[(k + 1) * width - 2] = packed[(k + 1) * width - 1] = zero;
+    memcpy(packed + k * width, a + (long)k * stride, sizeof(double) * rows);
+  }
+  for (column = 0; column < columns; column += 6) {
+    SIX(START)
+    for (row = 0; row < rows; row += 2 * LANES) {
+      const lanes *at = packed + row / LANES;
+      SIX(ZERO)
+      for (k = 0; k < inner; k++, at += width) { SIX(ADD) }
+      SIX(STORE)
+    }
+  }
+}
+#endif
+
 /* c (rows, columns) := keep * c + factor * a (rows, inner) b (inner, columns); keep is 0 or 1, and
    the columns of a are `stride` apart. */
 static void add_product(const blas *library, int rows, int columns, int inner, double factor,
                         const double *a, int stride, const double *b, double keep, double *c) {
   char plain = 'N';
+#ifdef LANES
+  if (rows >= LANES) {
+    add_product_in_lanes(rows, columns, inner, factor, a, stride, b, keep, c);
+    return;
+  }
+#endif
   library->gemm(&plain, &plain, &rows, &columns, &inner, &factor, a, &stride, b, &inner, &keep, c,
                 &rows);
 }
