@@ -27,6 +27,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
 from geodesic_ocp.logarithm.by_newton import (
     ConnectingGeodesic,
+    bulge,
     find_by_newton,
     find_by_shooting,
     find_many_by_newton,
@@ -137,7 +138,7 @@ def log(
             along which the metric is not defined.
         NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
     """
-    return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
+    return find_shortest(metric, q0, q1, num_starts, seed, solver).velocity
 
 
 def distance(
@@ -224,6 +225,67 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
     )
 
 
+def find_shortest(
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    num_starts: int,
+    seed: int,
+    solver: str | None = None,
+) -> ConnectingGeodesic:
+    """Return the shortest of the geodesics to which `num_starts` initial paths lead.
+
+    They are straight lines to the goal and to goals whole periods away, then paths through random
+    waypoints, each followed by the one on the other side.
+
+    Raises:
+        ValueError, NotConverged: see `find_geodesics`.
+    """
+    metric, solver = as_metric(metric), as_solver(solver)
+    start, goal = metric.point("q0", q0), metric.point("q1", q1)
+    count = as_integer("num_starts", num_starts, 1)
+    rng = np.random.default_rng(as_integer("seed", seed, 0))
+    if count == 1:
+        return find_from_path(metric, start, goal, None, solver)
+    goals = _periodic_goals(metric, start, goal)[:count]
+    if metric.has_constant_tensor or any(are_nearby(start, each) for each in goals):
+        return find_geodesics(metric, start, goal, count, seed, solver)[0]
+    offsets = np.zeros((count, metric.dim))
+    for number in range(len(goals), count, 2):
+        goals.append(goals[int(rng.integers(number))])
+        size = np.linalg.norm(goals[-1] - start)
+        offsets[number] = size * _random_direction(metric, rng, _WAYPOINT)
+        if number + 1 < count:
+            goals.append(goals[-1])
+            offsets[number + 1] = -offsets[number]
+    found = _from_offsets(metric, start, np.array(goals), offsets, solver)
+    if not found:
+        return find_geodesics(metric, start, goal, count, seed, solver)[0]
+    return min(found, key=lambda each: float(metric.norm(start, each.velocity)))
+
+
+def _from_offsets(
+    metric: Metric, start: Array, goals: Array, offsets: Array, solver: str
+) -> list[ConnectingGeodesic]:
+    """Return geodesics to which paths to goals (k, n) lead, with offsets (k, n) of their middles."""
+    if solver == "newton" and metric.kernels.available():
+        starts = np.tile(start, (len(goals), 1))
+        velocities = find_many_by_newton(metric, starts, goals, offsets)
+        if velocities is not None:
+            return [
+                ConnectingGeodesic(start, goal, velocity)
+                for goal, velocity in zip(goals, velocities, strict=True)
+                if np.all(np.isfinite(velocity))
+            ]
+    found = []
+    for goal, offset in zip(goals, offsets, strict=True):
+        with suppress(NotConverged, ValueError):
+            line = start + _GRID.nodes[:, None] * (goal - start)
+            guess = Path(metric, _GRID, line + bulge(_GRID) * offset)
+            found.append(find_from_path(metric, start, goal, guess, solver, thorough=False))
+    return found
+
+
 def find_geodesics(
     metric: Metric,
     q0: ArrayLike,
@@ -260,9 +322,9 @@ def find_geodesics(
                     offset = _random_direction(metric, rng, _WAYPOINT)
                 else:
                     offset = -offset  # to the other side
-                s = _GRID.nodes[:, None]
-                bulge = 4.0 * s * (1.0 - s) * np.linalg.norm(goal - start) * offset
-                guess = Path(metric, _GRID, start + s * (goal - start) + bulge)
+                line = start + _GRID.nodes[:, None] * (goal - start)
+                middle = np.linalg.norm(goal - start) * offset
+                guess = Path(metric, _GRID, line + bulge(_GRID) * middle)
                 new = find_from_path(metric, start, goal, guess, solver, thorough=False)
             else:
                 near = found[int(rng.integers(len(found)))]

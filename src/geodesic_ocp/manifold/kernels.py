@@ -318,7 +318,6 @@ class Kernels(Library):
             status = self._call("log_map", q0, q1, levels, *numbers, *continued, *given, *results)
         return velocity, nodes[: sizes[statistics.level]], status, statistics
 
-
     def log_maps(
         self,
         q0: Array,
@@ -328,6 +327,7 @@ class Kernels(Library):
         first: int,
         tolerances: Tolerances,
         wanted: Array,
+        are_starts: bool,
     ) -> Array | None:
         """Return velocities (k, n) of `log_map` for k pairs at once; None where the library cannot.
 
@@ -336,6 +336,8 @@ class Kernels(Library):
             paths: (k, nodes, n), nodes on the first level.
             levels, first, tolerances: see `log_map`.
             wanted: errors (k,) at which corrections end, in place of the tolerances' one.
+            are_starts: all are paths between the same two points, of which the shortest geodesic is
+                sought: paths that do not lead to it are given up.
 
         Returns:
             Initial velocities; NaN where none was found.
@@ -351,7 +353,7 @@ class Kernels(Library):
         handle.log_maps_workspace.restype = c_long
         numbers = c_int(len(levels)), c_int(first)
         memory = self._memory(handle.log_maps_workspace(levels, numbers[0], c_long(count)))
-        given = byref(tolerances), wanted, byref(blas())
+        given = byref(tolerances), wanted, c_int(are_starts), byref(blas())
         results = x, c_long(x[0].size), memory, velocities, c_void_p(status.ctypes.data)
         with one_blas_thread:
             self._call("log_maps", c_long(count), q0, q1, levels, *numbers, *given, *results)

@@ -274,9 +274,7 @@ class Metric(MetricFunctions):
         return self._defined(rates, q)
 
 
-def over_rows(
-    function: Function, many: Callable[..., Mapping[int, Any]] | None = None
-) -> Function:
+def over_rows(function: Function, many: Callable[..., Mapping[int, Any]] | None = None) -> Function:
     """Let a function of (metric, a, b), each (n,), also take (k, n) for one or both of them.
 
     The results are stacked along a first axis of length k. An exception names the first row that

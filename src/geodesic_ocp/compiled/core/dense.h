@@ -18,6 +18,47 @@ static void solve_triangular(const blas *library, int transpose, const double *u
   library->trsv(&upper, &operation, &diagonal, &size, u, &stride, b, &one);
 }
 
+#ifdef LANES
+#define SIX(do) do(0) do(1) do(2) do(3) do(4) do(5)
+
+/* As LAPACK's potrf: six rows of U at once, which are contiguous in `u`. */
+static int factor_in_lanes(int size, double *a, int stride) {
+  int width = (size + 2 * LANES - 1) / (2 * LANES) * 2, length = width * LANES, i, j, k, row;
+  lanes u[(size + 5) * width];
+  double *rows = (double *)u;
+  for (i = 0; i < size + 5; i++)
+    for (j = i / LANES * LANES; j < length; j++)
+      rows[i * length + j] = i < size && j < size ? a[(long)j * stride + i] : 0;
+  for (i = 0; i < size; i += 6) {
+    for (j = i / (2 * LANES) * 2; j < width; j += 2) {
+#define LOAD(r) lanes left##r = u[(i + r) * width + j], right##r = u[(i + r) * width + j + 1];
+#define SUBTRACT(r) left##r -= by[r] * at[0], right##r -= by[r] * at[1];
+#define SAVE(r) u[(i + r) * width + j] = left##r, u[(i + r) * width + j + 1] = right##r;
+      const lanes *at = u + j;
+      SIX(LOAD)
+      for (k = 0; k < i; k++, at += width) {
+        const double *by = rows + (long)k * length + i;
+        SIX(SUBTRACT)
+      }
+      SIX(SAVE)
+    }
+    for (row = i; row < i + 6 && row < size; row++) {
+      double pivot = rows[row * length + row];
+      if (!(pivot > 0)) return row + 1;
+      pivot = 1 / sqrt(pivot);
+      for (j = row / LANES; j < width; j++) u[row * width + j] *= pivot;
+      for (k = row + 1; k < i + 6; k++) {
+        double factor = k < length ? rows[row * length + k] : 0;
+        for (j = row / LANES; j < width; j++) u[k * width + j] -= factor * u[row * width + j];
+      }
+    }
+  }
+  for (j = 0; j < size; j++)
+    for (i = 0; i <= j; i++) a[(long)j * stride + i] = rows[i * length + j];
+  return 0;
+}
+#endif
+
 /* Replace the matrix (size, size) by U; nonzero if it is not positive definite.
 
    It is that of the inner nodes of a path: those of a segment are coupled with each other and, by
@@ -31,7 +72,11 @@ static int cholesky(const blas *library, double *a, int size, int width, int sha
     stop = start == 0 ? width - shared : start + width;
     if (stop > size) stop = size;
     rows = stop - start;
+#ifdef LANES
+    info = factor_in_lanes(rows, block, size);
+#else
     library->potrf(&upper, &rows, block, &size, &info);
+#endif
     if (info) return info;
     if (stop == size) break;
     next += (long)rows * size; /* the columns of the node that the next segment shares */
@@ -67,7 +112,6 @@ static inline void store_rows(lanes sum, int rows, double factor, double keep, d
 /* As `add_product`: two vectors of rows by six columns at once. */
 static void add_product_in_lanes(int rows, int columns, int inner, double factor, const double *a,
                                  int stride, const double *b, double keep, double *c) {
-#define SIX(do) do(0) do(1) do(2) do(3) do(4) do(5)
 #define START(j) const double *b##j = b + (long)(column + j < columns ? column + j : column) * inner;
 #define ZERO(j) lanes first##j = zero, second##j = zero;
 #define ADD(j) first##j += at[0] * b##j[k], second##j += at[1] * b##j[k];

@@ -3,7 +3,7 @@
 #ifdef LANES
 
 typedef struct {
-  double velocity[N], by_goal[N * N], share;
+  double velocity[N], by_goal[N * N], share, energy;
   answers known;
 } candidate;
 
@@ -48,15 +48,44 @@ static void correct_many(long pairs, const double *q0, const double *q1, const t
   } while (open);
 }
 
+/* Energy relative to that of the shortest path, and distance from another path relative to that of the
+   ends, at which a start is given up. */
+static const double LONGER = 1.1, SAME_PATH = 0.03;
+enum { NEEDLESS = 30 };
+
+/* Give up starts of one pair that do not lead to the shortest geodesic, or lead to the same one as a
+   start before: paths on a coarse level tell. */
+static void give_up(long starts, const level *grid, const double *x, long size,
+                    const candidate *all, int *found) {
+  int last = (num_nodes(grid) - 1) * N, i;
+  double least = 1e300;
+  long p, o;
+  for (p = 0; p < starts; p++)
+    if (found[p] != NEEDLESS && all[p].energy < least) least = all[p].energy;
+  for (p = 0; p < starts; p++) {
+    const double *path = x + p * size;
+    if (found[p] == NEEDLESS || found[p] == FOUND) continue;
+    if (all[p].energy > LONGER * least) found[p] = NEEDLESS;
+    for (o = 0; o < p && found[p] != NEEDLESS; o++) {
+      double distance = 0, length = 0;
+      if (found[o] == NEEDLESS) continue;
+      for (i = 0; i <= last + N - 1; i++)
+        distance = fmax(distance, fabs(path[i] - x[o * size + i]));
+      for (i = 0; i < N; i++) length = fmax(length, fabs(path[last + i] - path[i]));
+      if (distance < SAME_PATH * length) found[p] = NEEDLESS;
+    }
+  }
+}
+
 /* q0, q1, v0: (pairs, N). x: (pairs, size), of which each row holds the path on the first level, and
-   has space for that on any. wanted: (pairs), the errors at which corrections end. found: (pairs),
-   results of `log_map`. */
+   has space for that on any. wanted: (pairs), the errors at which corrections end. are_starts: all
+   pairs are starts of one, whose shortest geodesic is sought. found: (pairs), results of `log_map`,
+   or NEEDLESS. */
 void log_maps(long pairs, const double *q0, const double *q1, const level *levels, int count,
-              int first, const tolerances *allowed, const double *wanted, const blas *library,
-              double *x, long size, double *memory, double *v0, int *found) {
+              int first, const tolerances *allowed, const double *wanted, int are_starts,
+              const blas *library, double *x, long size, double *memory, double *v0, int *found) {
   candidate *all = (candidate *)(memory + log_workspace(levels, count));
   arc *arcs = (arc *)(all + pairs);
-  statistics stats = {0};
   workspace w;
   long p;
   int at;
@@ -68,13 +97,17 @@ void log_maps(long pairs, const double *q0, const double *q1, const level *level
   for (at = 0; at < count; at++) {
     for (p = 0; p < pairs; p++) {
       int failure;
+      statistics stats = {0};
       all[p].known.known = all[p].known.is_open = 0;
-      if (found[p] == FOUND) continue;
+      if (found[p] == FOUND || found[p] == NEEDLESS) continue;
       failure = descend(q0 + p * N, q1 + p * N, levels, count, first, at, library, x + p * size,
                         &all[p].share, all[p].velocity, all[p].by_goal, &w, &stats);
       found[p] = MINIMIZATION + failure;
-      all[p].known.is_open = at >= first && failure == CONVERGED;
+      all[p].energy = stats.energy;
     }
+    if (are_starts && at >= first - 1) give_up(pairs, levels + at, x, size, all, found);
+    for (p = 0; p < pairs; p++)
+      all[p].known.is_open = at >= first && found[p] == MINIMIZATION + CONVERGED;
     correct_many(pairs, q0, q1, allowed, wanted, all, arcs, (long *)(arcs + pairs), v0, found, &w);
   }
 }
