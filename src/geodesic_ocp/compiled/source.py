@@ -82,7 +82,7 @@ def source_text(functions: Mapping[str, ca.Function], dim: int, entry: str = "lo
 
 
 def _in_lanes(generated: str) -> list[str]:
-    """Return functions of lanes.h from those of numbers; none where one has an unknown operation."""
+    """Return functions of vectors; none where one has an operation that lanes.h lacks."""
     lanes = _read("lanes")
     parts = [lanes, "#ifdef LANES"]
     for name in IN_LANES:

@@ -267,7 +267,7 @@ def find_shortest(
 def _from_offsets(
     metric: Metric, start: Array, goals: Array, offsets: Array, solver: str
 ) -> list[ConnectingGeodesic]:
-    """Return geodesics to which paths to goals (k, n) lead, with offsets (k, n) of their middles."""
+    """Return geodesics to which paths to goals (k, n) lead, whose middles have offsets (k, n)."""
     if solver == "newton" and metric.kernels.available():
         starts = np.tile(start, (len(goals), 1))
         velocities = find_many_by_newton(metric, starts, goals, offsets)

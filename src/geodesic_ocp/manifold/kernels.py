@@ -343,7 +343,9 @@ class Kernels(Library):
             Initial velocities; NaN where none was found.
         """
         handle = self.handle(True)
-        if not hasattr(handle, "log_maps"):  # not from a compiler that has vectors of numbers
+        if handle is None or not hasattr(
+            handle, "log_maps"
+        ):  # not from a compiler that has vectors of numbers
             return None
         count = len(q0)
         nodes = max(level.segments * level.degree + 1 for level in levels)

@@ -50,7 +50,7 @@ static void correct_many(long pairs, const double *q0, const double *q1, const t
 
 /* Energy relative to that of the shortest path, and distance from another path relative to that of the
    ends, at which a start is given up. */
-static const double LONGER = 1.1, SAME_PATH = 0.03;
+static const double LONGER = 1.3, SAME_PATH = 0.01;
 enum { NEEDLESS = 30 };
 
 /* Give up starts of one pair that do not lead to the shortest geodesic, or lead to the same one as a
