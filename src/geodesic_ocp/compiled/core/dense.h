@@ -19,24 +19,28 @@ static void solve_triangular(const blas *library, int transpose, const double *u
 }
 
 #ifdef LANES
+/* BLAS is as good for large matrices, and their copies do not fit on the stack. */
+#define LARGEST_IN_LANES 256
 #define SIX(do) do(0) do(1) do(2) do(3) do(4) do(5)
 
 /* As LAPACK's potrf: six rows of U at once, which are contiguous in `u`. */
 static int factor_in_lanes(int size, double *a, int stride) {
-  int width = (size + 2 * LANES - 1) / (2 * LANES) * 2, length = width * LANES, i, j, k, row;
-  lanes u[(size + 5) * width];
+  /* rows are an odd number of vectors apart: others would compete for the same lines of the cache */
+  int width = (size + 2 * LANES - 1) / (2 * LANES) * 2, apart = width + 1, length = apart * LANES;
+  int i, j, k, row;
+  lanes u[(size + 5) * apart];
   double *rows = (double *)u;
-  for (i = 0; i < size + 5; i++)
-    for (j = i / LANES * LANES; j < length; j++)
-      rows[i * length + j] = i < size && j < size ? a[(long)j * stride + i] : 0;
+  memset(u, 0, sizeof(u));
+  for (j = 0; j < size; j++)
+    for (i = 0; i <= j; i++) rows[i * length + j] = a[(long)j * stride + i];
   for (i = 0; i < size; i += 6) {
     for (j = i / (2 * LANES) * 2; j < width; j += 2) {
-#define LOAD(r) lanes left##r = u[(i + r) * width + j], right##r = u[(i + r) * width + j + 1];
+#define LOAD(r) lanes left##r = u[(i + r) * apart + j], right##r = u[(i + r) * apart + j + 1];
 #define SUBTRACT(r) left##r -= by[r] * at[0], right##r -= by[r] * at[1];
-#define SAVE(r) u[(i + r) * width + j] = left##r, u[(i + r) * width + j + 1] = right##r;
+#define SAVE(r) u[(i + r) * apart + j] = left##r, u[(i + r) * apart + j + 1] = right##r;
       const lanes *at = u + j;
       SIX(LOAD)
-      for (k = 0; k < i; k++, at += width) {
+      for (k = 0; k < i; k++, at += apart) {
         const double *by = rows + (long)k * length + i;
         SIX(SUBTRACT)
       }
@@ -46,10 +50,10 @@ static int factor_in_lanes(int size, double *a, int stride) {
       double pivot = rows[row * length + row];
       if (!(pivot > 0)) return row + 1;
       pivot = 1 / sqrt(pivot);
-      for (j = row / LANES; j < width; j++) u[row * width + j] *= pivot;
+      for (j = row / LANES; j < width; j++) u[row * apart + j] *= pivot;
       for (k = row + 1; k < i + 6; k++) {
-        double factor = k < length ? rows[row * length + k] : 0;
-        for (j = row / LANES; j < width; j++) u[k * width + j] -= factor * u[row * width + j];
+        double factor = rows[row * length + k];
+        for (j = row / LANES; j < width; j++) u[k * apart + j] -= factor * u[row * apart + j];
       }
     }
   }
@@ -73,10 +77,11 @@ static int cholesky(const blas *library, double *a, int size, int width, int sha
     if (stop > size) stop = size;
     rows = stop - start;
 #ifdef LANES
-    info = factor_in_lanes(rows, block, size);
-#else
-    library->potrf(&upper, &rows, block, &size, &info);
+    if (rows <= LARGEST_IN_LANES) {
+      info = factor_in_lanes(rows, block, size);
+    } else
 #endif
+      library->potrf(&upper, &rows, block, &size, &info);
     if (info) return info;
     if (stop == size) break;
     next += (long)rows * size; /* the columns of the node that the next segment shares */
@@ -145,7 +150,7 @@ static void add_product(const blas *library, int rows, int columns, int inner, d
                         const double *a, int stride, const double *b, double keep, double *c) {
   char plain = 'N';
 #ifdef LANES
-  if (rows >= LANES) {
+  if (rows >= LANES && (long)rows * inner <= LARGEST_IN_LANES * LARGEST_IN_LANES) {
     add_product_in_lanes(rows, columns, inner, factor, a, stride, b, keep, c);
     return;
   }
