@@ -36,7 +36,9 @@ def logarithmic_maps(model: go.Model, pairs: np.ndarray) -> list[Measurement]:
 
 
 def batch(model: go.Model, pairs: np.ndarray) -> list[Measurement]:
-    """The same logs one by one and in one call log(metric, Q0, Q1), in time that passes."""
+    """The same logs one by one and in one call log(metric, Q0, Q1), in time that passes and in that
+    of the processors; and from several starts.
+    """
     variables = next(iter(our_routes.available().values()))
     solve = our_routes.log(model, variables)
     found = [index for index, pair in enumerate(pairs) if solve(*pair) is not None]
@@ -50,12 +52,22 @@ def batch(model: go.Model, pairs: np.ndarray) -> list[Measurement]:
     def together() -> None:
         go.log(metric, starts, goals)
 
+    def from_starts() -> None:
+        for q0, q1 in zip(starts[:few], goals[:few], strict=True):
+            go.log(metric, q0, q1, num_starts=20)
+
+    count, few = len(found), min(len(found), 50)
+    rows = [
+        (f"go.log, {count} pairs one by one, each", one_by_one, time.perf_counter, count),
+        (f"go.log, {count} pairs in one call, each", together, time.perf_counter, count),
+        ("the same, processor time, one by one", one_by_one, time.process_time, count),
+        ("the same, processor time, in one call", together, time.process_time, count),
+        ("go.log, num_starts=20, processor time", from_starts, time.process_time, few),
+    ]
     with our_routes.environment(variables):
         go.log(metric, starts[0], goals[0])
-        times = [repeat(each, 2, time.perf_counter) / len(found) for each in (one_by_one, together)]
-    alone = Measurement(f"go.log, {len(found)} pairs one by one, each", times[0])
-    name = f"go.log, {len(found)} pairs in one call, each"
-    return [alone, Measurement(name, times[1], baseline=alone)]
+        times = [repeat(call, 2, clock) / calls for _, call, clock, calls in rows]
+    return [Measurement(row[0], each) for row, each in zip(rows, times, strict=True)]
 
 
 def exponential_maps(model: go.Model, pairs: np.ndarray) -> list[Measurement]:

@@ -380,3 +380,5 @@ def _load_mathematics() -> None:
     """Make the C library's sin, cos, ... visible: libraries are linked without it."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL("libm.so.6", mode=ctypes.RTLD_GLOBAL)
+        with suppress(OSError):  # glibc's functions of vectors, which lanes.h can do without
+            ctypes.CDLL("libmvec.so.1", mode=ctypes.RTLD_GLOBAL)

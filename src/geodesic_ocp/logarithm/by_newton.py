@@ -195,6 +195,42 @@ def find_by_newton(
     )
 
 
+def find_many_by_newton(
+    metric: Metric, q0: Array, q1: Array, offsets: Array | None = None
+) -> Array | None:
+    """Return initial velocities (k, n) of geodesics between k pairs, (k, n) each, all at once.
+
+    They are those of the first attempt of `find_by_newton`; NaN where it fails. None where the
+    compiled library cannot do it.
+
+    Args:
+        metric: see `find_by_newton`.
+        q0, q1: the ends.
+        offsets: (k, n), of the middle of each first path from the straight line. All q0 are the
+            same then, all q1 up to whole periods, and the shortest geodesic is sought: velocities
+            are NaN, too, where the path on a coarse grid is longer or the same as another.
+    """
+    x = q0[:, None] + _LEVELS.grids[0].nodes[:, None] * (q1 - q0)[:, None]
+    if offsets is not None:
+        x += bulge(_LEVELS.grids[0]) * offsets[:, None]
+    return metric.kernels.log_maps(
+        q0,
+        q1,
+        x,
+        _LEVELS.structures,
+        _LEVELS.first,
+        Tolerances(STEP, 0.0, TOLERANCE),
+        np.array([wanted_error(*pair) for pair in zip(q0, q1, strict=True)]),
+        offsets is not None,
+    )
+
+
+def bulge(grid: Grid) -> Array:
+    """Return 4 s (1 - s) at the nodes s of a grid, (k, 1)."""
+    s = grid.nodes[:, None]
+    return np.asarray(4.0 * s * (1.0 - s))
+
+
 def _attempts(
     metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool, relax: bool = True
 ) -> Iterator[Attempt]:
@@ -215,9 +251,10 @@ def _attempts(
     for _ in range(_WAYPOINTS):
         direction = rng.normal(size=metric.dim)
         size = np.exp(rng.uniform(*np.log(_OFFSET))) * np.linalg.norm(q1 - q0)
-        s = _LEVELS.grids[0].nodes[:, None]
-        bulge = 4.0 * s * (1.0 - s) * size * direction / np.linalg.norm(direction)
-        yield _pass(metric, q0, q1, _LEVELS, q0 + s * (q1 - q0) + bulge)
+        offset = size * direction / np.linalg.norm(direction)
+        grid = _LEVELS.grids[0]
+        x = q0 + grid.nodes[:, None] * (q1 - q0) + bulge(grid) * offset
+        yield _pass(metric, q0, q1, _LEVELS, x)
 
 
 def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> Attempt:

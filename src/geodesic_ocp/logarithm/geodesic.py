@@ -15,7 +15,7 @@ from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.drawing.path_figure import draw_path
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
-from geodesic_ocp.logarithm.log import find_geodesics
+from geodesic_ocp.logarithm.log import find_geodesics, find_shortest
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.certificate import Certificate, certify
@@ -95,7 +95,7 @@ def geodesic(
         ValueError: wrong shapes, or numbers that are not finite.
         NotConverged: see `log`.
     """
-    return _sample_path(metric, find_geodesics(metric, q0, q1, num_starts, seed, solver)[0])
+    return _sample_path(metric, find_shortest(metric, q0, q1, num_starts, seed, solver))
 
 
 def geodesics(

@@ -318,6 +318,50 @@ class Kernels(Library):
             status = self._call("log_map", q0, q1, levels, *numbers, *continued, *given, *results)
         return velocity, nodes[: sizes[statistics.level]], status, statistics
 
+    def log_maps(
+        self,
+        q0: Array,
+        q1: Array,
+        paths: Array,
+        levels: ctypes.Array[Level],
+        first: int,
+        tolerances: Tolerances,
+        wanted: Array,
+        are_starts: bool,
+    ) -> Array | None:
+        """Return velocities (k, n) of `log_map` for k pairs at once; None where the library cannot.
+
+        Args:
+            q0, q1: the ends (k, n).
+            paths: (k, nodes, n), nodes on the first level.
+            levels, first, tolerances: see `log_map`.
+            wanted: errors (k,) at which corrections end, in place of the tolerances' one.
+            are_starts: all are paths between the same two points, of which the shortest geodesic is
+                sought: paths that do not lead to it are given up.
+
+        Returns:
+            Initial velocities; NaN where none was found.
+        """
+        handle = self.handle(True)
+        if handle is None or not hasattr(
+            handle, "log_maps"
+        ):  # not from a compiler that has vectors of numbers
+            return None
+        count = len(q0)
+        nodes = max(level.segments * level.degree + 1 for level in levels)
+        x = np.empty((count, nodes, self._dim))
+        x[:, : paths.shape[1]] = paths
+        velocities, status = np.empty((count, self._dim)), np.empty(count, dtype=np.intc)
+        handle.log_maps_workspace.restype = c_long
+        numbers = c_int(len(levels)), c_int(first)
+        memory = self._memory(handle.log_maps_workspace(levels, numbers[0], c_long(count)))
+        given = byref(tolerances), wanted, c_int(are_starts), byref(blas())
+        results = x, c_long(x[0].size), memory, velocities, c_void_p(status.ctypes.data)
+        with one_blas_thread:
+            self._call("log_maps", c_long(count), q0, q1, levels, *numbers, *given, *results)
+        velocities[status != 0] = np.nan
+        return velocities
+
 
 def _c_value(argument: Any) -> Any:
     """Return arrays as pointers and floats as doubles; what is of a type of C already, as it is."""

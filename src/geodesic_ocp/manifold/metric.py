@@ -14,7 +14,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar, cast
 
@@ -274,12 +274,13 @@ class Metric(MetricFunctions):
         return self._defined(rates, q)
 
 
-def over_rows(function: Function) -> Function:
+def over_rows(function: Function, many: Callable[..., Mapping[int, Any]] | None = None) -> Function:
     """Let a function of (metric, a, b), each (n,), also take (k, n) for one or both of them.
 
     The results are stacked along a first axis of length k. An exception names the first row that
     fails. Where the metric has compiled code, which releases Python's lock, rows are computed by as
-    many threads as there are processors.
+    many threads as there are processors. Before that, `many`, called with k and
+    the arguments, may return the results of some rows.
     """
     signature = inspect.signature(function)
     of_metric, *names = list(signature.parameters)[:3]
@@ -303,12 +304,18 @@ def over_rows(function: Function) -> Function:
         if count == 0:
             raise ValueError(f"{next(iter(counts))} has no rows")
 
+        threaded = count >= _FEW and has_compiled_code(arguments[of_metric])
+        known: Mapping[int, Any] = {}
+        if threaded and many is not None:
+            known = many(count, **arguments)
+
         def of_row(row: int) -> Any:
+            if row in known:
+                return known[row]
             return _of_row(
                 function, arguments | {name: arguments[name][row] for name in counts}, row
             )
 
-        threaded = count >= _FEW and has_compiled_code(arguments[of_metric])
         results = in_threads(of_row, count) if threaded else map(of_row, range(count))
         return np.array(list(results))
 

@@ -26,6 +26,20 @@ static void evaluate(rate_function rate, const double *y, const double *p, doubl
   rate(arguments, results, 0, work, 0);
 }
 
+/* Hairer's estimate of the error, from the sums of the squares of two. */
+static double step_error(double fifth, double third, int size) {
+  if (!(fifth + third < 1e300)) return 1e300;
+  if (fifth + third == 0) return 1e-16;
+  return fmax(1e-16, fifth / sqrt((fifth + 0.01 * third) * size));
+}
+
+/* Size of the step that follows one of size `step` with this error, where h was to be taken: one
+   that was shortened to end at a stop does not limit the next. */
+static double next_step(double h, double step, double error) {
+  double factor = step * fmin(8, fmax(0.2, 0.9 * pow(error, -0.125)));
+  return error > 1 || step == h ? factor : fmax(h, factor);
+}
+
 /* Slopes at all stages of a step of size h from y, whose slope k[0] is given; the end point, its
    slope k[12] and Hairer's estimate of the error relative to the tolerance. Where p is given, its
    row s, of width np, belongs to stage s, the last to the end of the step. */
@@ -59,9 +73,7 @@ static double take_step(rate_function rate, int size, const double *y, const dou
     fifth += of_fifth * of_fifth;
     third += of_third * of_third;
   }
-  if (!(fifth + third < 1e300)) return 1e300;
-  if (fifth + third == 0) return 1e-16;
-  return fmax(1e-16, fifth / sqrt((fifth + 0.01 * third) * size));
+  return step_error(fifth, third, size);
 }
 
 /* Integrate y' = rate(y), or rate(y, p) with constant p, over increasing times; the state at times[i]
@@ -78,7 +90,7 @@ static int integrate(rate_function rate, int size, const double *start, const do
   for (at = 1; at < count; at++) {
     while (now < times[at]) {
       int is_last = h >= times[at] - now;
-      double step = is_last ? times[at] - now : h, error, factor;
+      double step = is_last ? times[at] - now : h, error;
       error = take_step(rate, size, y, p, 0, step, tolerance, k, end, work);
       if (error <= 1) {
         now = is_last ? times[at] : now + step;
@@ -87,9 +99,7 @@ static int integrate(rate_function rate, int size, const double *start, const do
           k[0][i] = k[STAGES][i];
         }
       }
-      factor = step * fmin(8, fmax(0.2, 0.9 * pow(error, -0.125)));
-      /* A step that was shortened to end at a stop does not limit the next one. */
-      h = error > 1 || step == h ? factor : fmax(h, factor);
+      h = next_step(h, step, error);
       taken++;
       if (taken >= max_steps || h < 1e-13 * interval) {
         for (i = 0; i < size; i++) states[i] = y[i];

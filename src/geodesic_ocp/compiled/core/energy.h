@@ -37,6 +37,29 @@ static void state_at(const level *grid, const double *x, int k, double *state) {
     }
 }
 
+#ifdef LANES
+/* Energy densities (LANES) and derivatives, from `here` on, at quadrature points from `first` on. */
+static void densities_of(const level *grid, const double *x, int first, double *here,
+                         double *densities) {
+  lanes states[2 * N], density, results[POINT_SIZE], *both[2];
+  const lanes *arguments[1];
+  double state[2 * N];
+  int last = grid->segments * grid->points - 1, l, i;
+  for (l = 0; l < LANES; l++) {
+    int at = first + l < last ? first + l : last, segment = at / grid->points;
+    state_at(grid, x + (long)segment * grid->degree * N, at % grid->points, state);
+    for (i = 0; i < 2 * N; i++) states[i][l] = state[i];
+  }
+  arguments[0] = states;
+  both[0] = &density;
+  both[1] = results;
+  lanes_energy_hessian(arguments, both, 0, 0, 0);
+  memcpy(densities, &density, sizeof(density));
+  for (l = 0; l < LANES && first + l <= last; l++)
+    for (i = 0; i < POINT_SIZE; i++) here[(long)l * POINT_SIZE + i] = results[i][l];
+}
+#endif
+
 /* Energy of the path x (nodes, N); with the derivatives at every point where out is given.
    `added` (N) is a constant diagonal added to G, for continuation. */
 static double energy_of(const level *grid, const double *x, const double *added, double *out,
@@ -45,13 +68,23 @@ static double energy_of(const level *grid, const double *x, const double *added,
   int segment, k, i;
   const double *arguments[1];
   double *results[2];
+#ifdef LANES
+  double densities[LANES];
+#endif
   arguments[0] = state;
   results[0] = &density;
   for (segment = 0; segment < grid->segments; segment++)
     for (k = 0; k < grid->points; k++) {
-      double *here = out ? out + (long)(segment * grid->points + k) * POINT_SIZE : gradient;
+      int at = segment * grid->points + k;
+      double *here = out ? out + (long)at * POINT_SIZE : gradient;
       state_at(grid, x + (long)segment * grid->degree * N, k, state);
       results[1] = here;
+#ifdef LANES
+      if (out) {
+        if (at % LANES == 0) densities_of(grid, x, at, here, densities);
+        density = densities[at % LANES];
+      } else
+#endif
       (out ? energy_hessian : energy_gradient)(arguments, results, 0, work, 0);
       for (i = 0; i < N; i++) density += added[i] * state[N + i] * state[N + i] / 2;
       if (out)

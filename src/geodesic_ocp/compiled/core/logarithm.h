@@ -2,6 +2,7 @@
 
 enum { FOUND = 0, MINIMIZATION = 10, INTEGRATION = 20, STALLED = 21, UNVERIFIED = 22 };
 static const double SMALLEST_STEP = 1e-15; /* tolerance of a step */
+#define MOST_STEPS 2000 /* of an integration */
 
 typedef struct {
   double step;      /* tolerance of a step of the integration */
@@ -72,23 +73,36 @@ static void initial_velocity(const level *grid, const level *next, const blas *l
   }
 }
 
-/* Difference of Exp_q0(v0) from the goal, integrated with the given tolerance of a step. */
+/* Difference of Exp_q0(v0) from the goal, integrated with the given tolerance of a step: one of the
+   answers known, or if they are not complete, the next question, and a failure. */
 static int endpoint_error(const double *q0, const double *q1, const double *v0, double tolerance,
                           double *difference, double *largest, workspace *w, statistics *stats) {
   double start[2 * N], states[4 * N], times[2] = {0, 1};
   integration record = {0, 0, 0};
-  int i, failure;
-  for (i = 0; i < N; i++) {
-    start[i] = q0[i];
-    start[N + i] = v0[i];
+  int i, failure, at = stats->integrations;
+  if (w->ahead && at == w->ahead->known && at < MOST_ANSWERS) {
+    w->ahead->is_open = 1;
+    w->ahead->tolerance = tolerance;
+    memcpy(w->ahead->velocity, v0, sizeof(double) * N);
+    return TOO_MANY_STEPS;
   }
-  failure = integrate(geodesic_rate, 2 * N, start, 0, 2, times, tolerance, 2000, states, w->casadi,
-                      &record);
+  if (w->ahead && at < w->ahead->known) {
+    failure = w->ahead->failure[at];
+    record.steps = w->ahead->steps[at];
+    memcpy(difference, w->ahead->difference[at], sizeof(double) * N);
+  } else {
+    for (i = 0; i < N; i++) {
+      start[i] = q0[i];
+      start[N + i] = v0[i];
+    }
+    failure = integrate(geodesic_rate, 2 * N, start, 0, 2, times, tolerance, MOST_STEPS, states,
+                        w->casadi, &record);
+    for (i = 0; i < N; i++) difference[i] = states[2 * N + i] - q1[i];
+  }
   stats->integrations++;
   stats->steps += record.steps;
   *largest = 0;
   for (i = 0; i < N; i++) {
-    difference[i] = states[2 * N + i] - q1[i];
     *largest = fabs(difference[i]) <= *largest ? *largest : fabs(difference[i]);
   }
   return failure;

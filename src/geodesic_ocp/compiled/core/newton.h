@@ -5,6 +5,16 @@
 
 enum { CONVERGED = 0, MANY_NEWTON_STEPS = 1, NOT_POSITIVE = 2, NO_DECREASE = 3, NOT_FINITE = 4 };
 
+/* Integrations of one geodesic after another that have been carried out ahead, by `log_maps`. */
+#define MOST_ANSWERS 12
+typedef struct {
+  int known, is_open; /* number of answers; whether one more was asked for */
+  double velocity[N], tolerance;        /* of the question */
+  double difference[MOST_ANSWERS][N];
+  long steps[MOST_ANSWERS];
+  int failure[MOST_ANSWERS];
+} answers;
+
 typedef struct {
   double *points;    /* derivatives at the quadrature points */
   double *blocks;    /* of the Hessian */
@@ -16,6 +26,7 @@ typedef struct {
   double *fields;    /* (N, inner): H_ii^-1 H_i0, Jacobi fields that vanish at the goal */
   double *finer;     /* path on the next level, and its gradient */
   double *casadi;    /* work vector of the generated functions */
+  answers *ahead;    /* or 0 */
 } workspace;
 
 typedef struct {
