@@ -20,6 +20,7 @@ from geodesic_ocp.execution.link_pairs import (
     PlacedSolids,
     as_configurations,
     exact_distance_at,
+    is_closer_at,
     pairs_of,
     place_solids,
 )
@@ -31,9 +32,12 @@ from geodesic_ocp.model.distances import (
     line_segment,
     segment_distance,
 )
+from geodesic_ocp.model.link_solids import Pose
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle, as_capsule
 from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
+
+_REMEMBERED = 4096  # configurations, as paths are checked for many distances
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,13 +49,14 @@ class Clearance(ShortRepr):
         lower: smallest distances allowed (m,) [m].
         names: names of the distances, such as "panda_link2 to panda_link5".
         exact: distance [m] of the exact geometry, 0 where it overlaps, at a configuration (N,) for
-            the distance of an index; None if it is not known.
+            the distance of an index; infinite if it is larger than an optional third argument [m].
+            None if it is not known.
     """
 
     function: ca.Function
     lower: Array
     names: tuple[str, ...]
-    exact: Callable[[Array, int], float] | None = None
+    exact: Callable[..., float] | None = None
     _shown = ("names", "lower", "dof")
 
     @property
@@ -59,21 +64,28 @@ class Clearance(ShortRepr):
         """Number N of joints of all arms."""
         return int(self.function.size1_in(0))
 
-    def row(self, index: int) -> ca.Function:
-        """Return one distance alone, as a function of (N,) with none of the others' operations.
+    def row(self, *indices: int) -> ca.Function:
+        """Return one or more distances, as a function of (N,) with none of the others' operations.
 
         Raises:
             ValueError: there is no such distance.
         """
-        if not 0 <= index < len(self.names):
-            raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
-        return _row(self.function, index)
+        for index in indices:
+            if not 0 <= index < len(self.names):
+                raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
+        return _rows(self.function, indices)
 
 
 @lru_cache(maxsize=256)
-def _row(function: ca.Function, index: int) -> ca.Function:
+def _rows(function: ca.Function, indices: tuple[int, ...]) -> ca.Function:
+    q, distances = _expressions(function)
+    return ca.Function("distances", [q], [distances[list(indices)]], ["q"], ["d"])
+
+
+@lru_cache(maxsize=8)
+def _expressions(function: ca.Function) -> tuple[ca.SX, ca.SX]:
     q = ca.SX.sym("q", function.size1_in(0))
-    return ca.Function(f"distance_{index}", [q], [function(q)[index]], ["q"], ["d"])
+    return q, function(q)
 
 
 def keep_clear(
@@ -127,11 +139,17 @@ def keep_clear(
     together = ca.cse(ca.vertcat(*distances.values()))
     function = ca.Function("clearance", [q], [together], ["q"], ["d"])
 
-    def exact(at: Array, index: int) -> float:
-        pair = solids[index]
-        if pair is None:
+    @lru_cache(maxsize=_REMEMBERED)
+    def poses(at: bytes) -> list[Pose]:
+        return placed.joint_poses(np.frombuffer(at)[None])
+
+    def exact(at: Array, index: int, enough: float = np.inf) -> float:
+        if (pair := solids[index]) is None:
             return max(0.0, float(function(at)[index]))
-        return exact_distance_at(*pair, placed.joint_poses(np.asarray(at, dtype=float)[None]), 0)
+        placed_at = poses(np.ascontiguousarray(at, dtype=float).tobytes())
+        if enough < np.inf and not is_closer_at(*pair, placed_at, 0, enough):
+            return np.inf  # which takes a small part of the time of a distance
+        return exact_distance_at(*pair, placed_at, 0)
 
     return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
 
@@ -144,9 +162,9 @@ def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
     function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
     owners = [(part, index) for part in parts for index in range(len(part.names))]
 
-    def exact(at: Array, number: int) -> float:
+    def exact(at: Array, number: int, enough: float = np.inf) -> float:
         part, index = owners[number]
-        return part.exact(at, index) if part.exact else max(0.0, float(part.row(index)(at)))
+        return part.exact(at, index, enough) if part.exact else max(0.0, float(part.row(index)(at)))
 
     lower = np.concatenate([np.zeros(0), *(each.lower for each in parts)])
     return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact)
@@ -254,8 +272,8 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
     rows, samples = np.nonzero(distances < least[: len(distances), None])
     lower, found = least[rows], distances[rows, samples]
     if clearance.exact is not None:
-        places = zip(samples.tolist(), rows.tolist(), strict=True)
-        apart = np.array([clearance.exact(points[k], row) for k, row in places])
+        places = zip(samples.tolist(), rows.tolist(), lower.tolist(), strict=True)
+        apart = np.array([clearance.exact(points[k], row, least) for k, row, least in places])
         close = apart < lower
         lower = lower - np.where(apart > 0.0, apart - found, 0.0)
         samples, rows, lower, found = samples[close], rows[close], lower[close], found[close]
@@ -277,7 +295,7 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
         for sample in np.argsort(distances[row]).tolist():
             if distances[row, sample] >= least[row]:
                 break  # the function is a lower bound: later samples are farther apart
-            exact = clearance.exact(q[sample], row)
+            exact = clearance.exact(q[sample], row, least[row])
             if exact < least[row]:
                 least[row], samples[row] = exact, sample
     return least, samples
