@@ -49,14 +49,16 @@ class Clearance(ShortRepr):
         lower: smallest distances allowed (m,) [m].
         names: names of the distances, such as "panda_link2 to panda_link5".
         exact: distance [m] of the exact geometry, 0 where it overlaps, at a configuration (N,) for
-            the distance of an index; infinite if it is larger than an optional third argument [m].
-            None if it is not known.
+            the distance of an index; None if it is not known.
+        closer: whether that distance may be below a third argument [m], which takes a small part of
+            the time of the distance; None: it has to be computed.
     """
 
     function: ca.Function
     lower: Array
     names: tuple[str, ...]
-    exact: Callable[..., float] | None = None
+    exact: Callable[[Array, int], float] | None = None
+    closer: Callable[[Array, int, float], bool] | None = None
     _shown = ("names", "lower", "dof")
 
     @property
@@ -143,15 +145,20 @@ def keep_clear(
     def poses(at: bytes) -> list[Pose]:
         return placed.joint_poses(np.frombuffer(at)[None])
 
-    def exact(at: Array, index: int, enough: float = np.inf) -> float:
+    def posed(at: Array) -> list[Pose]:
+        return poses(np.ascontiguousarray(at, dtype=float).tobytes())
+
+    def exact(at: Array, index: int) -> float:
         if (pair := solids[index]) is None:
             return max(0.0, float(function(at)[index]))
-        placed_at = poses(np.ascontiguousarray(at, dtype=float).tobytes())
-        if enough < np.inf and not is_closer_at(*pair, placed_at, 0, enough):
-            return np.inf  # which takes a small part of the time of a distance
-        return exact_distance_at(*pair, placed_at, 0)
+        return exact_distance_at(*pair, posed(at), 0)
 
-    return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
+    def closer(at: Array, index: int, distance: float) -> bool:
+        pair = solids[index]
+        return pair is None or is_closer_at(*pair, posed(at), 0, distance)
+
+    lower = np.full(len(distances), margin)
+    return Clearance(function, lower, tuple(distances), exact, closer)
 
 
 def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
@@ -162,12 +169,16 @@ def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
     function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
     owners = [(part, index) for part in parts for index in range(len(part.names))]
 
-    def exact(at: Array, number: int, enough: float = np.inf) -> float:
+    def exact(at: Array, number: int) -> float:
         part, index = owners[number]
-        return part.exact(at, index, enough) if part.exact else max(0.0, float(part.row(index)(at)))
+        return part.exact(at, index) if part.exact else max(0.0, float(part.row(index)(at)))
+
+    def closer(at: Array, number: int, distance: float) -> bool:
+        part, index = owners[number]
+        return part.closer is None or part.closer(at, index, distance)
 
     lower = np.concatenate([np.zeros(0), *(each.lower for each in parts)])
-    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact)
+    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact, closer)
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
@@ -273,11 +284,19 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
     lower, found = least[rows], distances[rows, samples]
     if clearance.exact is not None:
         places = zip(samples.tolist(), rows.tolist(), lower.tolist(), strict=True)
-        apart = np.array([clearance.exact(points[k], row, least) for k, row, least in places])
+        apart = np.array([_exact_below(clearance, points[k], row, most) for k, row, most in places])
         close = apart < lower
         lower = lower - np.where(apart > 0.0, apart - found, 0.0)
         samples, rows, lower, found = samples[close], rows[close], lower[close], found[close]
     return ActiveRows(samples, rows, lower, lower - found)
+
+
+def _exact_below(clearance: Clearance, q: Array, index: int, most: float) -> float:
+    """Return an exact distance [m]; infinite if it is known not to be below `most`."""
+    assert clearance.exact is not None  # as the callers make sure
+    if most < np.inf and clearance.closer and not clearance.closer(q, index, most):
+        return np.inf
+    return clearance.exact(q, index)
 
 
 def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -295,7 +314,7 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
         for sample in np.argsort(distances[row]).tolist():
             if distances[row, sample] >= least[row]:
                 break  # the function is a lower bound: later samples are farther apart
-            exact = clearance.exact(q[sample], row, least[row])
+            exact = _exact_below(clearance, q[sample], row, float(least[row]))
             if exact < least[row]:
                 least[row], samples[row] = exact, sample
     return least, samples

@@ -272,8 +272,8 @@ class _Rounds:
             x = program.guess(iterate.nodes, iterate.longer)
             outcome = program.solve(x, near=iterate.success)
             spent = iterate.iterations + outcome.iterations
-            if not outcome.success and iterate.success:  # from the same start, with larger steps
-                outcome = program.solve(x)
+            if not outcome.success and (rows or iterate.success):  # from the same start, otherwise
+                outcome = program.solve(x, near=not iterate.success)
                 spent += outcome.iterations
             ended = replace(
                 iterate, iterations=spent, success=outcome.success, status=outcome.status
@@ -323,7 +323,7 @@ class _Rounds:
             nonlocal failed
             if not rows:
                 return iterate
-            found = self.refined(iterate, rows)
+            found = self.refined(replace(iterate, success=False), rows)
             failed = not found.success
             if failed:
                 return replace(iterate, iterations=found.iterations)
