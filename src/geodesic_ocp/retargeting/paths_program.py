@@ -308,10 +308,11 @@ class MotionProgram:
     def _distances(self) -> list[Block]:
         blocks, order = [], sorted(self.rows)
         unit = scipy.sparse.eye_array(self.size, format="csr")
+        at = {time: place_at(self.parts, self.size, time) for _, time in self.rows}
         for number, group in groupby(enumerate(order, self.offsets[-1]), key=lambda row: row[1][0]):
             matrices, lower = [], []
             for slack, row in group:
-                matrices += [place_at(self.parts, self.size, row[1]), unit[[slack]]]
+                matrices += [at[row[1]], unit[[slack]]]
                 lower.append([self.rows[row]])
             places = scipy.sparse.vstack(matrices, format="csr")
             terms = _distance(self.clearance.row(number))
