@@ -337,18 +337,27 @@ class BlockProgram:
         lower, upper = zip(*sides, strict=True) if sides else ((), ())
         return _joined(lower), _joined(upper)
 
-    def solve(self, x: Array, bounds: tuple[Array, Array], options: Mapping[str, Any]) -> Outcome:
+    def solve(
+        self,
+        x: Array,
+        bounds: tuple[Array, Array],
+        options: Mapping[str, Any],
+        multipliers: tuple[Array, Array] | None = None,
+    ) -> Outcome:
         """Return the solution by Ipopt from x, within bounds of the variables.
 
         Args:
             x: (size,).
             bounds: lower and upper (size,).
             options: options of Ipopt.
+            multipliers: guesses of those of the bounds (size,) and of the constraint functions
+                (size_g,), for a warm start.
         """
         lower, upper = bounds
         lower_g, upper_g = self.bounds
+        known = dict(zip(("lam_x0", "lam_g0"), multipliers or (), strict=False))
         return self.solver(options)(
-            x0=np.clip(x, lower, upper), lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g
+            x0=np.clip(x, lower, upper), lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g, **known
         )
 
     def solver(self, options: Mapping[str, Any], relay: Relay | None = None) -> Ipopt:

@@ -126,6 +126,7 @@ def test_rows_are_the_whole_function(arms: tuple[go.Model, go.Model]) -> None:
     whole = clearance.function(q).full()[:, 0]
     rows = [float(clearance.row(index)(q)) for index in range(len(clearance.names))]
     assert_allclose(rows, whole, atol=1e-12)
+    assert_allclose(clearance.row(2, 0)(q).full()[:, 0], whole[[2, 0]], atol=1e-12)
     assert clearance.row(0) is clearance.row(0)
     assert clearance.row(0).n_instructions() < clearance.function.n_instructions()
     with pytest.raises(ValueError, match="index must be from 0 to"):
@@ -214,9 +215,11 @@ def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
     by_links = active_rows(clearance, q)
     chosen = set(zip(by_links.samples.tolist(), by_links.rows.tolist(), strict=True))
     assert clearance.exact is not None
+    assert clearance.closer is not None
     for sample, row in zip(by_capsules.samples.tolist(), by_capsules.rows.tolist(), strict=True):
         too_close = clearance.exact(q[sample], row) < clearance.lower[row]
         assert ((sample, row) in chosen) == too_close
+        assert clearance.closer(q[sample], row, clearance.lower[row]) == too_close
     assert 0 < len(by_links) < len(by_capsules)
     assert np.all(by_links.lower <= clearance.lower[by_links.rows])
     assert len(active_rows(clearance, np.empty((0, 3)))) == 0

@@ -20,6 +20,7 @@ from geodesic_ocp.execution.link_pairs import (
     PlacedSolids,
     as_configurations,
     exact_distance_at,
+    is_closer_at,
     pairs_of,
     place_solids,
 )
@@ -31,9 +32,12 @@ from geodesic_ocp.model.distances import (
     nearest_to_obstacle,
     segment_distance,
 )
+from geodesic_ocp.model.link_solids import Pose
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import HalfSpace, Obstacle
 from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
+
+_REMEMBERED = 4096  # configurations, as paths are checked for many distances
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,12 +50,15 @@ class Clearance(ShortRepr):
         names: names of the distances, such as "panda_link2 to panda_link5".
         exact: distance [m] of the exact geometry, 0 where it overlaps, at a configuration (N,) for
             the distance of an index; None if it is not known.
+        closer: whether that distance may be below a third argument [m], which takes a small part of
+            the time of the distance; None: it has to be computed.
     """
 
     function: ca.Function
     lower: Array
     names: tuple[str, ...]
     exact: Callable[[Array, int], float] | None = None
+    closer: Callable[[Array, int, float], bool] | None = None
     _shown = ("names", "lower", "dof")
 
     @property
@@ -59,21 +66,28 @@ class Clearance(ShortRepr):
         """Number N of joints of all arms."""
         return int(self.function.size1_in(0))
 
-    def row(self, index: int) -> ca.Function:
-        """Return one distance alone, as a function of (N,) with none of the others' operations.
+    def row(self, *indices: int) -> ca.Function:
+        """Return one or more distances, as a function of (N,) with none of the others' operations.
 
         Raises:
             ValueError: there is no such distance.
         """
-        if not 0 <= index < len(self.names):
-            raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
-        return _row(self.function, index)
+        for index in indices:
+            if not 0 <= index < len(self.names):
+                raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
+        return _rows(self.function, indices)
 
 
 @lru_cache(maxsize=256)
-def _row(function: ca.Function, index: int) -> ca.Function:
+def _rows(function: ca.Function, indices: tuple[int, ...]) -> ca.Function:
+    q, distances = _expressions(function)
+    return ca.Function("distances", [q], [distances[list(indices)]], ["q"], ["d"])
+
+
+@lru_cache(maxsize=8)
+def _expressions(function: ca.Function) -> tuple[ca.SX, ca.SX]:
     q = ca.SX.sym("q", function.size1_in(0))
-    return ca.Function(f"distance_{index}", [q], [function(q)[index]], ["q"], ["d"])
+    return q, function(q)
 
 
 def keep_clear(
@@ -127,13 +141,24 @@ def keep_clear(
     together = ca.cse(ca.vertcat(*distances.values()))
     function = ca.Function("clearance", [q], [together], ["q"], ["d"])
 
-    def exact(at: Array, index: int) -> float:
-        pair = solids[index]
-        if pair is None:
-            return max(0.0, float(function(at)[index]))
-        return exact_distance_at(*pair, placed.joint_poses(np.asarray(at, dtype=float)[None]), 0)
+    @lru_cache(maxsize=_REMEMBERED)
+    def poses(at: bytes) -> list[Pose]:
+        return placed.joint_poses(np.frombuffer(at)[None])
 
-    return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
+    def posed(at: Array) -> list[Pose]:
+        return poses(np.ascontiguousarray(at, dtype=float).tobytes())
+
+    def exact(at: Array, index: int) -> float:
+        if (pair := solids[index]) is None:
+            return max(0.0, float(function(at)[index]))
+        return exact_distance_at(*pair, posed(at), 0)
+
+    def closer(at: Array, index: int, distance: float) -> bool:
+        pair = solids[index]
+        return pair is None or is_closer_at(*pair, posed(at), 0, distance)
+
+    lower = np.full(len(distances), margin)
+    return Clearance(function, lower, tuple(distances), exact, closer)
 
 
 def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
@@ -148,8 +173,12 @@ def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
         part, index = owners[number]
         return part.exact(at, index) if part.exact else max(0.0, float(part.row(index)(at)))
 
+    def closer(at: Array, number: int, distance: float) -> bool:
+        part, index = owners[number]
+        return part.closer is None or part.closer(at, index, distance)
+
     lower = np.concatenate([np.zeros(0), *(each.lower for each in parts)])
-    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact)
+    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact, closer)
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
@@ -247,12 +276,20 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
     rows, samples = np.nonzero(distances < least[: len(distances), None])
     lower, found = least[rows], distances[rows, samples]
     if clearance.exact is not None:
-        places = zip(samples.tolist(), rows.tolist(), strict=True)
-        apart = np.array([clearance.exact(points[k], row) for k, row in places])
+        places = zip(samples.tolist(), rows.tolist(), lower.tolist(), strict=True)
+        apart = np.array([_exact_below(clearance, points[k], row, most) for k, row, most in places])
         close = apart < lower
         lower = lower - np.where(apart > 0.0, apart - found, 0.0)
         samples, rows, lower, found = samples[close], rows[close], lower[close], found[close]
     return ActiveRows(samples, rows, lower, lower - found)
+
+
+def _exact_below(clearance: Clearance, q: Array, index: int, most: float) -> float:
+    """Return an exact distance [m]; infinite if it is known not to be below `most`."""
+    assert clearance.exact is not None  # as the callers make sure
+    if most < np.inf and clearance.closer and not clearance.closer(q, index, most):
+        return np.inf
+    return clearance.exact(q, index)
 
 
 def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -270,7 +307,7 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
         for sample in np.argsort(distances[row]).tolist():
             if distances[row, sample] >= least[row]:
                 break  # the function is a lower bound: later samples are farther apart
-            exact = clearance.exact(q[sample], row)
+            exact = _exact_below(clearance, q[sample], row, float(least[row]))
             if exact < least[row]:
                 least[row], samples[row] = exact, sample
     return least, samples

@@ -168,7 +168,7 @@ def _compared(
     distances = capsule_distances(one, other, poses).min(axis=0)
     close = np.zeros(len(distances), dtype=bool)
     for k in np.flatnonzero(distances <= margin).tolist():
-        close[k] = is_closer(*one.posed(poses, k), *other.posed(poses, k), margin)
+        close[k] = is_closer_at(one, other, poses, k, margin)
     return distances, close
 
 
@@ -391,6 +391,13 @@ def exact_distance_at(
 ) -> float:
     """Get distance [m] of two links at one sample, of their exact geometry; 0 if they overlap."""
     return exact_distance(*one.posed(poses, sample), *other.posed(poses, sample))
+
+
+def is_closer_at(
+    one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], sample: int, margin: float
+) -> bool:
+    """Return whether two links are closer than a margin [m] at one sample, by exact geometry."""
+    return is_closer(*one.posed(poses, sample), *other.posed(poses, sample), margin)
 
 
 def as_configurations(name: str, value: ArrayLike, dof: int) -> Array:

@@ -15,9 +15,10 @@ limits: q0, q0 + h v0 / 3, q1 - h v1 / 3, q1, and v0, v0 + h a0 / 2, v1.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -36,6 +37,7 @@ from geodesic_ocp.execution.arm_paths import (
 )
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
+from geodesic_ocp.model.model import Model
 
 _TOUCHES = 1e-5  # of a position limit [rad or m]
 _UNLIMITED = np.array([[1.0], [1.0], [10.0], [1.0]])  # units of joints without limits
@@ -106,15 +108,11 @@ class ArmTerms(Course):
             shares: shares of every knot in an integral over time (knots,).
             weight: weight of the distances.
         """
-        n, count = self.dof, shares.size
-        z, p = ca.SX.sym("z", 3 * n), ca.SX.sym("p", n + n * n + 1)
-        q, _, a = ca.vertsplit(z, n)
-        offset, matrix = q - p[:n], ca.reshape(p[n : n + n * n], n, n)
-        objective = ca.dot(offset, matrix @ offset) + p[-1] * ca.sumsqr(a)
+        count = shares.size
         matrices = weight * shares[:, None, None] * reference.weights
         smooth = _SMOOTH * shares[:, None]
         values = np.hstack([reference.positions, matrices.reshape(count, -1), smooth])
-        return Block(Terms(z, p, objective), self.indices(np.arange(count)), values)
+        return Block(_deviation(self.dof), self.indices(np.arange(count)), values)
 
     def motion(self, steps: Array) -> Block:
         """Return the two equations of motion of every joint in every piece, and the cost of the
@@ -124,19 +122,14 @@ class ArmTerms(Course):
             steps: weights of the squared changes of the accelerations (pieces,).
         """
         n, knots = self.dof, self.knots
-        z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2)
-        q0, v0, a0, q1, v1, a1 = ca.vertsplit(z[:-1], n)
-        h, (_, speed, growth, _) = p[0] * z[-1], self.units
-        mean = speed * v0 + h * growth * (2 * a0 + a1) / 6
-        equations = ca.vertcat(v0 + h * growth / speed * (a0 + a1) / 2 - v1, q0 + h * mean - q1)
         piece = np.arange(knots.count)
         columns = [self.indices(piece), self.indices(piece + 1), knots.interval[:, None]]
         upper = np.zeros((knots.count, 2 * n))
         # Fixed variables meet the equations of a rest; without these, the others are independent.
         upper[self.pieces_at_rest] = np.inf
-        values = np.stack([knots.fraction, steps], axis=1)
-        objective = p[1] * ca.sumsqr(a1 - a0)
-        return Block(Terms(z, p, objective, equations), np.hstack(columns), values, -upper, upper)
+        units = np.tile(self.units[1:3].ravel(), (knots.count, 1))
+        values = np.column_stack([knots.fraction, steps, units])
+        return Block(_motion(n), np.hstack(columns), values, -upper, upper)
 
     def between_knots(self, kind: str, pairs: Indices) -> Block:
         """Return a limit between the knots, of one joint in one piece each.
@@ -145,15 +138,6 @@ class ArmTerms(Course):
             kind: "jerk"; "velocity", the Bezier coefficient in the middle; "position", the two.
             pairs: (k, 2), numbers of the piece and of the joint.
         """
-        z, p = ca.SX.sym("z", 7), ca.SX.sym("p", 4)
-        q0, v0, a0, q1, v1, a1, duration = ca.vertsplit(z)
-        fraction, speed, growth, jerk = ca.vertsplit(p)
-        h = fraction * duration
-        rows = {
-            "jerk": (a1 - a0) * growth / (h * jerk),
-            "velocity": v0 + h * growth * a0 / (2 * speed),
-            "position": ca.vertcat(q0 + h * speed * v0 / 3, q1 - h * speed * v1 / 3),
-        }
         (piece, joint), knots = pairs.T, self.knots
         first = self.first + 3 * self.dof * piece + joint
         offsets = self.dof * np.arange(6)  # the states of a knot are followed by the next one's
@@ -163,28 +147,92 @@ class ArmTerms(Course):
         lower = -upper
         if kind == "position":
             lower, upper = (np.repeat(side[joint, None], 2, axis=1) for side in self.arm.ranges)
-        return Block(Terms(z, p, 0.0, rows[kind]), columns, values, lower, upper)
+        return Block(_between_knots(kind), columns, values, lower, upper)
 
     def torques(self, knots: Indices, shares: Array) -> Block:
         """Return torques at some of the knots (k,), within shares (k, n) of their limits."""
-        z, arm = ca.SX.sym("z", 3 * self.dof), self.arm
-        q, v, a = ca.vertsplit(z, self.dof)
-        _, speed, growth, _ = self.units
-        force = arm.robot.inverse_dynamics(q, v * speed, a * growth, ca.SX(arm.gravity))
-        limited = np.flatnonzero(np.isfinite(arm.limits.torque))
-        used = force[limited.tolist()] / arm.limits.torque[limited]
-        upper = shares[:, limited]
-        return Block(Terms(z, constraints=used), self.indices(knots), None, -upper, upper)
+        arm, limit = self.arm, self.arm.limits.torque
+        units = (
+            tuple(each.tolist()) for each in (*self.units[1:3], limit, np.asarray(arm.gravity))
+        )
+        upper = shares[:, np.isfinite(limit)]
+        return Block(_torques(arm.robot, *units), self.indices(knots), None, -upper, upper)
 
     def end_speeds(self) -> Block:
         """Return squared differences of the velocities at both ends from the person's progress."""
         n, arm, durations = self.dof, self.arm, np.diff(self.arm.edges)
-        v, p = ca.SX.sym("v", n), ca.SX.sym("p", n)
         first, last = arm.paths[0](0.0, 1) / durations[0], arm.paths[-1](1.0, 1) / durations[-1]
-        objective = _END_SPEED * ca.sumsqr(v - p)
         knots = np.array([0, self.knots.count])
         intended = np.clip(np.array([first, last]) / self.units[1], -0.9, 0.9)
-        return Block(Terms(v, p, objective), self.indices(knots, 2)[:, n:], intended)
+        return Block(_end_speeds(n), self.indices(knots, 2)[:, n:], intended)
+
+
+# Terms of every kind, which robots, recordings and rounds share with their compiled derivatives.
+@lru_cache(maxsize=16)
+def _deviation(n: int) -> Terms:
+    z, p = ca.SX.sym("z", 3 * n), ca.SX.sym("p", n + n * n + 1)
+    q, _, a = ca.vertsplit(z, n)
+    offset, matrix = q - p[:n], ca.reshape(p[n : n + n * n], n, n)
+    return Terms(z, p, ca.dot(offset, matrix @ offset) + p[-1] * ca.sumsqr(a))
+
+
+@lru_cache(maxsize=16)
+def _motion(n: int) -> Terms:
+    z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2 + 2 * n)
+    q0, v0, a0, q1, v1, a1 = ca.vertsplit(z[:-1], n)
+    fraction, step, speed, growth = ca.vertsplit(p, [0, 1, 2, 2 + n, 2 + 2 * n])
+    h = fraction * z[-1]
+    mean = speed * v0 + h * growth * (2 * a0 + a1) / 6
+    equations = ca.vertcat(v0 + h * growth / speed * (a0 + a1) / 2 - v1, q0 + h * mean - q1)
+    return Terms(z, p, step * ca.sumsqr(a1 - a0), equations)
+
+
+@lru_cache(maxsize=3)
+def _between_knots(kind: str) -> Terms:
+    z, p = ca.SX.sym("z", 7), ca.SX.sym("p", 4)
+    q0, v0, a0, q1, v1, a1, duration = ca.vertsplit(z)
+    fraction, speed, growth, jerk = ca.vertsplit(p)
+    h = fraction * duration
+    rows = {
+        "jerk": (a1 - a0) * growth / (h * jerk),
+        "velocity": v0 + h * growth * a0 / (2 * speed),
+        "position": ca.vertcat(q0 + h * speed * v0 / 3, q1 - h * speed * v1 / 3),
+    }
+    return Terms(z, p, 0.0, rows[kind])
+
+
+@lru_cache(maxsize=16)
+def _torques(
+    robot: Model,
+    speed: tuple[float, ...],
+    growth: tuple[float, ...],
+    limit: tuple[float, ...],
+    gravity: tuple[float, ...],
+) -> Terms:
+    z = ca.SX.sym("z", 3 * robot.dof)
+    q, v, a = ca.vertsplit(z, robot.dof)
+    force = robot.inverse_dynamics(q, v * ca.DM(speed), a * ca.DM(growth), ca.SX(ca.DM(gravity)))
+    limited = np.flatnonzero(np.isfinite(limit)).tolist()
+    return Terms(z, constraints=force[limited] / ca.DM(limit)[limited])
+
+
+@lru_cache(maxsize=16)
+def _end_speeds(n: int) -> Terms:
+    v, p = ca.SX.sym("v", n), ca.SX.sym("p", n)
+    return Terms(v, p, _END_SPEED * ca.sumsqr(v - p))
+
+
+@lru_cache(maxsize=1)
+def _stretch() -> Terms:
+    duration, p = ca.SX.sym("T"), ca.SX.sym("p", 3)
+    more = duration - p[0]
+    return Terms(duration, p, p[1] * more + p[2] * more**2)
+
+
+@lru_cache(maxsize=256)
+def _distance(row: ca.Function) -> Terms:
+    q = ca.SX.sym("q", row.size1_in(0))
+    return Terms(q, constraints=row(q))
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +281,21 @@ _IPOPT = {
     "acceptable_iter": 0,
     "mu_strategy": "adaptive",
     "bound_relax_factor": 1e-9,
+    # The matrices are narrow bands: the simplest ordering, without scaling, is the quickest.
+    **{"mumps_pivot_order": 0, "mumps_permuting_scaling": 0, "mumps_scaling": 0},
+    "min_refinement_steps": 0,
 }
+_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+# From the solution of the round before, with its multipliers.
+_WARM_START = {
+    **_IPOPT,
+    **{f"warm_start_{each}": 1e-6 for each in _PUSHES},
+    **{"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": 1e-5},
+}
+
+# Multipliers of the constraint functions by kind: numbers of the instances, in increasing order,
+# and their multipliers, a row each.
+Multipliers: TypeAlias = Mapping[Hashable, tuple[Indices, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,54 +326,83 @@ class TrajectoryProgram:
         return tuple(found)
 
     def solve(
-        self, start: KnotStates, references: Sequence[Reference], watched: Watched, most: int
-    ) -> Outcome:
-        """Return the solution near references, with the limits that are to be minded.
+        self,
+        start: KnotStates,
+        references: Sequence[Reference],
+        watched: Watched,
+        most: int,
+        before: tuple[Array, Multipliers] | None = None,
+    ) -> tuple[Outcome, tuple[Array, Multipliers]]:
+        """Return the solution near references, with the limits that are to be minded, and its
+        multipliers.
 
         Args:
             start: states at the knots.
             references: references of the arms.
             watched: constraints.
             most: number of Ipopt's iterations.
+            before: multipliers of the bounds, and of other constraints at the same knots, if
+                `start` is a solution; it is tried without them if that fails.
         """
-        x, blocks = self.as_x(start), self._blocks(start.durations, references, watched)
-        options = {**_IPOPT, "max_iter": most}
-        return BlockProgram(x.size, blocks).solve(x, self.bounds, options)
+        x, blocks = self.as_x(start), list(self._blocks(start.durations, references, watched))
+        program = BlockProgram(x.size, [block for _, _, block in blocks])
+        numbers = {kind: each for kind, each, block in blocks if block.size_g}
+        shapes = [(block.count, block.terms.size_g) for _, _, block in blocks if block.size_g]
+        outcome = None
+        if before is not None:
+            lam_g = [np.zeros(shape) for shape in shapes]
+            for lam, (kind, own) in zip(lam_g, numbers.items(), strict=True):
+                known, values = before[1].get(kind, (own[:0], lam[:0]))
+                _, here, there = np.intersect1d(own, known, True, return_indices=True)
+                lam[here] = values[there]
+            guess = before[0], np.concatenate([each.ravel() for each in lam_g])
+            outcome = program.solve(x, self.bounds, {**_WARM_START, "max_iter": most}, guess)
+        if outcome is None or not outcome.success:
+            outcome = program.solve(x, self.bounds, {**_IPOPT, "max_iter": most})
+        parts = np.split(outcome.lam_g, np.cumsum([count * rows for count, rows in shapes])[:-1])
+        found = {
+            kind: (own, part.reshape(shape))
+            for (kind, own), part, shape in zip(numbers.items(), parts, shapes, strict=True)
+        }
+        return outcome, (outcome.lam_x, found)
 
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
-    ) -> list[Block]:
-        """Return all blocks, with integrals by the trapezoidal rule over durations (m,)."""
+    ) -> Iterator[tuple[Hashable, Indices, Block]]:
+        """Yield kinds of terms, numbers of the instances of constraints, and blocks.
+
+        Integrals are by the trapezoidal rule over durations (m,).
+        """
         total, steps = float(self.knots.person.sum()), self.knots.steps(durations)
         shares = np.convolve(steps, [0.5, 0.5]) / total
         distance = self.deviation_weight / _DISTANCE**2
         jerk = _JERK * _JERK_TIME**2 / (total * steps)
-        blocks = [self._stretch(total)]
+        pieces = np.arange(steps.size)
+        yield "stretch", pieces, self._stretch(total)
         for terms, reference, limits in zip(self.terms, references, watched.arms, strict=True):
-            blocks += [terms.deviation(reference, shares, distance), terms.motion(jerk)]
-            blocks += [terms.between_knots(kind, pairs) for kind, pairs in limits.pieces.items()]
+            arm = terms.first
+            yield (arm, "deviation"), pieces, terms.deviation(reference, shares, distance)
+            yield (arm, "motion"), pieces, terms.motion(jerk)
+            for kind, pairs in limits.pieces.items():
+                numbers = pairs[:, 0] * terms.dof + pairs[:, 1]
+                yield (arm, kind), numbers, terms.between_knots(kind, pairs)
             if limits.torques.size:
                 allowed = limits.torque_shares[limits.torques]
-                blocks.append(terms.torques(limits.torques, allowed))
+                yield (arm, "torque"), limits.torques, terms.torques(limits.torques, allowed)
             if not self.rest:
-                blocks.append(terms.end_speeds())
-        q = ca.SX.sym("q", self.clearance.dof)
+                yield (arm, "end speeds"), pieces, terms.end_speeds()
         for index, knots in watched.knots.items():
             columns = np.hstack([terms.indices(knots, 1) for terms in self.terms])
             lower = watched.distances[knots, index, None]
-            distance_terms = Terms(q, constraints=self.clearance.row(index)(q))
-            blocks.append(Block(distance_terms, columns, None, lower, np.full_like(lower, np.inf)))
-        return blocks
+            upper, row = np.full_like(lower, np.inf), _distance(self.clearance.row(index))
+            yield ("distance", index), knots, Block(row, columns, None, lower, upper)
 
     def _stretch(self, total: float) -> Block:
         """Get the time beyond the person's, and its square, so that no interval bears all of it."""
         person = self.knots.person
-        duration, p = ca.SX.sym("T"), ca.SX.sym("p", 3)
-        more = duration - p[0]
-        objective = p[1] * more + p[2] * more**2
         uneven = _UNEVEN / (total * (person + _SHORT))
         values = np.stack([person, np.full(person.size, 1.0 / total), uneven], axis=1)
-        return Block(Terms(duration, p, objective), np.arange(person.size)[:, None], values)
+        return Block(_stretch(), np.arange(person.size)[:, None], values)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
@@ -27,10 +28,16 @@ from geodesic_ocp.execution.arm_paths import (
 )
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import QUANTITIES, LimitShares
-from geodesic_ocp.execution.trajectory_program import TrajectoryProgram, Watched, WatchedArm
+from geodesic_ocp.execution.trajectory_program import (
+    Multipliers,
+    TrajectoryProgram,
+    Watched,
+    WatchedArm,
+)
 
 TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances
 _SAMPLES, _FEW = 21, 7  # of every piece, both ends included, for torques and for distances
+_NEARBY = 0.05  # [m] above its bound at a knot, from which on a distance is computed between knots
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +203,7 @@ class TrajectoryAttempt:
         solved: whether Ipopt found a solution.
         status: in words.
         iterations: iterations of Ipopt.
+        multipliers: multipliers of the program, see `TrajectoryProgram.solve`.
     """
 
     program: TrajectoryProgram
@@ -208,6 +216,7 @@ class TrajectoryAttempt:
     solved: bool
     status: str
     iterations: int
+    multipliers: tuple[Array, Multipliers]
 
     @property
     def success(self) -> bool:
@@ -235,8 +244,15 @@ def solve_in_rounds(
     return replace(best, iterations=sum(attempt.iterations for attempt in attempts))
 
 
-# The program of a round with the states to start from, the references, and its constraints.
-_Start: TypeAlias = tuple[TrajectoryProgram, KnotStates, Sequence[Reference], Watched]
+# The program of a round with the states to start from, the references, its constraints, and
+# multipliers, if the states are the solution of the round before.
+_Start: TypeAlias = tuple[
+    TrajectoryProgram,
+    KnotStates,
+    Sequence[Reference],
+    Watched,
+    tuple[Array, Multipliers] | None,
+]
 
 
 def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> TrajectoryAttempt:
@@ -251,16 +267,18 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
         if not found.solved or (found.success and found.change <= _SETTLED):
             return found, None
         program, states = found.program, found.states
+        multipliers: tuple[Array, Multipliers] | None = found.multipliers
         fitting = Knots.spaced(program.knots.edges, states.durations)
         if number == 0 and abs(fitting.count / program.knots.count - 1.0) > _OTHER_COUNT:
             program, time = replace(program, knots=fitting), fitting.times(states.durations)
             splines = (np.array(check.spline(time)[:3]) for check in found.checks)
             states = KnotStates(states.durations, tuple(splines))
-            watched = watched_at_first(program, states.durations)
+            watched, multipliers = watched_at_first(program, states.durations), None
         else:
             watched = tightened(found)
         pairs = zip(program.terms, states.arms, strict=True)
-        return found, (program, states, [terms.nearest(q) for terms, (q, _, _) in pairs], watched)
+        nearest = [terms.nearest(q) for terms, (q, _, _) in pairs]
+        return found, (program, states, nearest, watched, multipliers)
 
     found = in_rounds(first, solve, examine, MOST_ROUNDS)
     kept = next((each for each in reversed(attempts) if each.success), found)
@@ -268,18 +286,16 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
 
 
 def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
-    program, before, references, watched = start
-    outcome, clearance = program.solve(before, references, watched, most), program.clearance
+    program, before, references, watched, known = start
+    outcome, multipliers = program.solve(before, references, watched, most, known)
+    clearance = program.clearance
     states = program.states(outcome.x)
     # Splines have none of the rounding that the program's equations leave at the knots.
     time, checks = program.knots.times(states.durations), []
     for arm, (q, v, _) in zip(program.arms, states.arms, strict=True):
         curve = CubicSpline(time, q, bc_type=((1, v[0]), (1, v[-1])))
         checks.append(ArmCheck(arm, JointSpline(curve)))
-    times = checks[0].spline.within_pieces(_FEW)
-    q = np.hstack([check.spline(times.ravel())[0] for check in checks])
-    distances = evaluate(clearance.function.map(len(q)), q.T).T
-    distances = distances.reshape(*times.shape, len(clearance.names))
+    distances = _distances(clearance, [check.spline for check in checks])
     found = [check.worst for check in checks]
     if clearance.names:
         lack = (clearance.lower - distances).max(axis=(0, 1))
@@ -292,8 +308,27 @@ def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
     change = abs(states.durations.sum() / before.durations.sum() - 1.0)
     return TrajectoryAttempt(
         *(program, states, watched, tuple(checks), distances, excess, change),
-        *(outcome.success, status, outcome.iterations),
+        *(outcome.success, status, outcome.iterations, multipliers),
     )
+
+
+def _distances(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
+    """Return distances in every piece (pieces, samples, m) [m]; infinite between knots where they
+    are large.
+    """
+
+    def at(function: ca.Function, times: Array) -> Array:
+        q = np.hstack([spline(times.ravel())[0] for spline in splines])
+        return np.asarray(evaluate(function.map(len(q)), q.T).T.reshape(*times.shape, -1))
+
+    times = splines[0].within_pieces(_FEW)
+    knots = at(clearance.function, np.append(times[:, 0], times[-1, -1]))
+    found = np.full((*times.shape, len(clearance.names)), np.inf)
+    found[:, 0], found[:, -1] = knots[:-1], knots[1:]
+    near = np.flatnonzero(np.any(knots < clearance.lower + _NEARBY, axis=0)).tolist()
+    if near:
+        found[:, 1:-1, near] = at(clearance.row(*near), times[:, 1:-1])
+    return found
 
 
 def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
@@ -310,4 +345,4 @@ def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
     program = replace(coarse, knots=Knots.spaced(edges, durations))
     references = [terms.as_recorded(rest, stops) for terms in program.terms]
     states = through(references, program.knots, more * durations, rest)
-    return program, states, references, watched_at_first(program, states.durations)
+    return program, states, references, watched_at_first(program, states.durations), None

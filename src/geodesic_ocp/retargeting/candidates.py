@@ -16,6 +16,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
 from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
 from geodesic_ocp.retargeting.waypoints import (
     REACHED,
@@ -35,6 +36,7 @@ _SAME = 0.05  # [rad or m]
 _NEARLY, _MORE = 1.5, 0.02
 _NEAR = 32  # more of them that miss a pose within reach
 _POSE_ROUNDS = 4  # of searches, whose results are joined
+_PERHAPS = 1e-3  # error of the nearest pose [m or rad] up to which the pose may be attained
 _MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 _TINY = 1e-9
 
@@ -104,7 +106,12 @@ def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidat
         joint = arm.frame_pose(arm.joint_names[0], np.zeros(arm.dof))[1]
         if np.linalg.norm(pose.position - joint) > arm.reach:  # farther than the hand ever is
             return layer
-    q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
+    search = PoseSearch.checked(
+        "retarget", arm, near, pose.position, pose.rotation, limits=waypoints.limited
+    )
+    q = nearest_configuration(search, waypoints.weights)
+    if max(pose.error(arm, q)) <= _PERHAPS:  # else to attain it exactly would be tried in vain
+        q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
     error, before = (max(pose.error(arm, each)) for each in (q, near))
     if error <= REACHED:
         return Candidates.attaining(q)

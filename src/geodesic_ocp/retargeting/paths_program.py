@@ -236,6 +236,8 @@ _IPOPT: Mapping[str, Any] = {
     "mu_init": 1e-2,
     "max_iter": 1000,
 }
+# Distances that enter begin far below their bounds.
+_APART: Mapping[str, Any] = {**_IPOPT, "mu_init": 1e-1}
 _TOO_NEAR = 300.0  # weight of a distance below its bound [1/m]
 _NEAR: Mapping[str, Any] = {
     **_IPOPT,
@@ -306,10 +308,11 @@ class MotionProgram:
     def _distances(self) -> list[Block]:
         blocks, order = [], sorted(self.rows)
         unit = scipy.sparse.eye_array(self.size, format="csr")
+        at = {time: place_at(self.parts, self.size, time) for _, time in self.rows}
         for number, group in groupby(enumerate(order, self.offsets[-1]), key=lambda row: row[1][0]):
             matrices, lower = [], []
             for slack, row in group:
-                matrices += [place_at(self.parts, self.size, row[1]), unit[[slack]]]
+                matrices += [at[row[1]], unit[[slack]]]
                 lower.append([self.rows[row]])
             places = scipy.sparse.vstack(matrices, format="csr")
             terms = _distance(self.clearance.row(number))
@@ -345,7 +348,8 @@ class MotionProgram:
 
     def solve(self, start: Array, near: bool = False) -> Outcome:
         """Return Ipopt's result from a start; `near` tells that it is nearly a solution."""
-        return self.program.solve(start, self.bounds, _NEAR if near else _IPOPT)
+        options = _NEAR if near else _APART if self.rows else _IPOPT
+        return self.program.solve(start, self.bounds, options)
 
     def split(self, x: Array) -> tuple[list[Array], Array]:
         """Return positions at the nodes of each arm (size, n), and the relative times added."""

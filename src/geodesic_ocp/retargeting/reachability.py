@@ -124,7 +124,7 @@ def _numbers(values: Array, digits: int = 3) -> str:
 
 
 _ATTAINED = 1e-8  # [m] and [rad]
-_FEW, _MANY = 32, 256  # configurations that a mapped function takes
+_WIDTH = 32  # configurations that a mapped function takes
 
 
 class NearestPoses(NamedTuple):
@@ -202,21 +202,20 @@ def _errors(robot: Model, rows: tuple[int, ...], q: Array, poses: Array) -> tupl
     """Return pose errors (k, rows) and Jacobians (k, rows, n)."""
     count, n = q.shape
     errors, jacobians = np.empty((count, len(rows))), np.empty((count, len(rows), n))
-    width = _FEW if count <= _FEW else _MANY
-    for first in range(0, count, width):
-        size = min(width, count - first)
+    for first in range(0, count, _WIDTH):
+        size = min(_WIDTH, count - first)
         part = slice(first, first + size)
-        padded = np.zeros((width, n)), np.tile(poses[:1], (width, 1))
+        padded = np.zeros((_WIDTH, n)), np.tile(poses[:1], (_WIDTH, 1))
         padded[0][:size], padded[1][:size] = q[part], poses[part]
-        found, sides = _mapped(robot, rows, width)(padded[0].T, padded[1].T)
+        found, sides = _mapped(robot, rows)(padded[0].T, padded[1].T)
         errors[part] = found.full().T[:size]
-        jacobians[part] = sides.full().reshape(len(rows), width, n).transpose(1, 0, 2)[:size]
+        jacobians[part] = sides.full().reshape(len(rows), _WIDTH, n).transpose(1, 0, 2)[:size]
     return errors, jacobians
 
 
 @lru_cache(maxsize=64)
-def _mapped(robot: Model, rows: tuple[int, ...], count: int) -> ca.Function:
-    return errors_and_twists(robot, rows).map(count)
+def _mapped(robot: Model, rows: tuple[int, ...]) -> ca.Function:
+    return errors_and_twists(robot, rows).map(_WIDTH)
 
 
 _WITHIN = 1e-4  # [m] and [rad]

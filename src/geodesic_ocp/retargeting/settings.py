@@ -194,7 +194,9 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
 @lru_cache(maxsize=8)
 def _links_apart(robots: tuple[Model, ...], margin: float) -> Clearance | None:
     pairs = link_pairs(robots, margin=margin)
-    every = keep_clear(robots, pairs=[*pairs.constrained, *pairs.exact_only], margin=margin)
+    both = (*pairs.constrained, *pairs.exact_only)  # without excess: the exact distances decide
+    kept = replace(pairs, constrained=both, excess=(0.0,) * len(both))
+    every = keep_clear(robots, pairs=kept, margin=margin)
     if every is None:
         return None
     close = {f"{one} to {other}" for one, other in pairs.exact_only}

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -56,6 +58,8 @@ _YIELDING = 50.0
 
 # Lower bounds [m] of distances, by their number in the clearance and the time in the recording [s].
 Rows = Mapping[tuple[int, float], float]
+# Distances below their bounds: name, amount [m], time [s].
+_Lacking: TypeAlias = tuple[tuple[str, float, float], ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -189,6 +193,7 @@ class SynergyPaths(ShortRepr, Problem):
         report = self.progress or no_progress
         report("choosing configurations", 0, 3)
         found: list[_Iterate] = []
+        lacking: list[_Lacking] = []  # distances of each
         free: list[float] = []  # objectives without distances
         for number, start in enumerate(self._starts(layers, weights)):
             report("planning all synergies", 1 + number, 3)
@@ -197,10 +202,13 @@ class SynergyPaths(ShortRepr, Problem):
                 continue  # it leads to the same paths
             free.append(iterate.objective)
             found.append(rounds.kept_apart(iterate) if iterate.success else iterate)
-            if iterate.success and not _lacking_distances(clearance, found[-1]):
+            lacking.append(_lacking_distances(clearance, found[-1]))
+            if iterate.success and not lacking[-1]:
                 break
-        best = min(found, key=lambda each: (not each.success, _score(each, rounds)))
-        return _planned(self, best, rounds, sum(each.iterations for each in found))
+        scores = list(map(partial(_score, rounds), found, lacking))
+        best = min(range(len(found)), key=scores.__getitem__)
+        iterations = sum(each.iterations for each in found)
+        return _planned(self, found[best], lacking[best], rounds, iterations)
 
     def _starts(
         self, layers: Sequence[Sequence[Candidates]], weights: ObjectiveWeights
@@ -264,8 +272,8 @@ class _Rounds:
             x = program.guess(iterate.nodes, iterate.longer)
             outcome = program.solve(x, near=iterate.success)
             spent = iterate.iterations + outcome.iterations
-            if not outcome.success and iterate.success:  # from the same start, with larger steps
-                outcome = program.solve(x)
+            if not outcome.success and (rows or iterate.success):  # from the same start, otherwise
+                outcome = program.solve(x, near=not iterate.success)
                 spent += outcome.iterations
             ended = replace(
                 iterate, iterations=spent, success=outcome.success, status=outcome.status
@@ -315,7 +323,7 @@ class _Rounds:
             nonlocal failed
             if not rows:
                 return iterate
-            found = self.refined(iterate, rows)
+            found = self.refined(replace(iterate, success=False), rows)
             failed = not found.success
             if failed:
                 return replace(iterate, iterations=found.iterations)
@@ -350,7 +358,7 @@ def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> N
 
 
 def _planned(
-    problem: SynergyPaths, iterate: _Iterate, rounds: _Rounds, iterations: int
+    problem: SynergyPaths, iterate: _Iterate, lacking: _Lacking, rounds: _Rounds, iterations: int
 ) -> PlannedPaths:
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
     longer = np.zeros(rounds.edges.size - 1) if iterate.longer is None else iterate.longer
@@ -369,19 +377,21 @@ def _planned(
         status=iterate.status,
         kept=iterate.kept,
         least_distances=rounds.clearance.function(q.T).full().min(axis=1),
-        too_near=_lacking_distances(rounds.clearance, iterate),
+        too_near=lacking,
     )
 
 
-def _score(iterate: _Iterate, rounds: _Rounds) -> float:
-    """Get the objective, detours of the hand, and distances below their bounds; less is better."""
+def _score(rounds: _Rounds, iterate: _Iterate, lacking: _Lacking) -> tuple[bool, float]:
+    """Return whether it failed, and the objective with detours of the hand and distances below
+    their bounds; less is better.
+    """
     total = iterate.objective
     for part, nodes in zip(iterate.parts, iterate.nodes, strict=True):
         for number, path in enumerate(part.paths(nodes)):
             middle = np.atleast_2d(path(0.5))
             total += rounds.weights.detour * float(off_the_way(part.waypoints, number, middle)[0])
-    lacking = _lacking_distances(rounds.clearance, iterate)
-    return total + _LACKING * sum(amount for _, amount, _ in lacking)
+    total += _LACKING * sum(amount for _, amount, _ in lacking)
+    return not iterate.success, total
 
 
 def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
@@ -438,9 +448,7 @@ def _too_near(
     return found, total
 
 
-def _lacking_distances(
-    clearance: Clearance, iterate: _Iterate
-) -> tuple[tuple[str, float, float], ...]:
+def _lacking_distances(clearance: Clearance, iterate: _Iterate) -> _Lacking:
     """Return distances below their bounds, the worst first: name, amount [m], time [s]."""
     instants, q = _positions(iterate)
     active = active_rows(clearance, q, -_BELOW)
