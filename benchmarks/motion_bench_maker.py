@@ -175,12 +175,16 @@ class World:
                 for j in links[other]:
                     self.geometry.addCollisionPair(pin.CollisionPair(k, j))
         self._found = self.geometry.createData()
+        self._wide = self.geometry.createData()
+        for each in self._wide.collisionRequests:
+            each.security_margin = 2.0 * MARGIN
 
     def _add(self, name: str, joint: int, at: pin.SE3, shape: Any) -> int:
         return int(self.geometry.addGeometryObject(pin.GeometryObject(name, joint, at, shape)))
 
-    def collides(self, q: np.ndarray) -> bool:
-        found = self._found
+    def collides(self, q: np.ndarray, wide: bool = False) -> bool:
+        """Whether bodies overlap, or are nearer than 2 mm."""
+        found = self._wide if wide else self._found
         return bool(pin.computeCollisions(self.model, self._data, self.geometry, found, q, True))
 
     def clearance(self, q: np.ndarray) -> float:
@@ -193,7 +197,7 @@ class World:
         count = max(1, int(np.ceil(np.linalg.norm(end - start) / step)))
         shares = np.arange(1, count + 1) / count
         order = np.argsort(np.abs(shares - 0.5)) if count > 8 else np.arange(count)[::-1]
-        return not any(self.collides(start + shares[k] * (end - start)) for k in order)
+        return not any(self.collides(start + shares[k] * (end - start), True) for k in order)
 
     def check(self, curve: Callable[[np.ndarray], np.ndarray]) -> tuple[bool, float]:
         """Whether a path is free each 1e-3 rad or m, and its least clearance [m] in 201 samples."""
@@ -293,7 +297,9 @@ def merged(balls: Balls) -> list[tuple[Any, Any, float]]:
         return gap <= 0.01 and enclosing([*one, *other])[2] <= widest + 1e-4
 
     while pair := next((each for each in combinations(groups, 2) if together(*each)), None):
-        groups = [each for each in groups if not any(each is one for one in pair)] + [pair[0] + pair[1]]
+        groups = [each for each in groups if not any(each is one for one in pair)] + [
+            pair[0] + pair[1]
+        ]
     return [enclosing(each) for each in groups]
 
 
@@ -310,7 +316,9 @@ class Robot:
                 radius = float(each.find("geometry/sphere").get("radius"))
                 balls.setdefault(link.get("name"), []).append((centre, radius))
         bodies = [
-            go.Capsule(start, end, radius, link) if np.any(start != end) else go.Ball(start, radius, link)
+            go.Capsule(start, end, radius, link)
+            if np.any(start != end)
+            else go.Ball(start, radius, link)
             for link, every in balls.items()
             for start, end, radius in merged(every)
         ]
@@ -328,7 +336,9 @@ class Robot:
         """
         exempt = {
             frozenset((each.get("link1"), each.get("link2")))
-            for each in ElementTree.parse(self.folder / f"{self.name}.srdf").iter("disable_collisions")
+            for each in ElementTree.parse(self.folder / f"{self.name}.srdf").iter(
+                "disable_collisions"
+            )
         }
         task = next(read_tasks(self.folder / "problems.tar.bz2", self.joints, 1))
         box = (self.model.lower, self.model.upper)
@@ -371,9 +381,7 @@ def run(robot: Robot, task: Task, options: argparse.Namespace) -> dict[str, Any]
     if nearest < MARGIN:
         return record | {"infeasible": "an end too near", "distance": nearest}
     begin = time.process_time()
-    waypoints = rrt_connect(
-        world, task, (model.lower, model.upper), options.seed, options.samples
-    )
+    waypoints = rrt_connect(world, task, (model.lower, model.upper), options.seed, options.samples)
     record["planner seconds"] = time.process_time() - begin
     planned = None
     if waypoints is not None:
