@@ -17,6 +17,7 @@ from geodesic_ocp.trajectory.path import Path
 
 _PER_NODE = 4  # samples between two nodes
 _NEAR_BOUND = 1e-2  # of the range of a condition's values
+_MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at first
 _REFINEMENTS = 3  # times that the vertices of parabolas are added to the samples
 
 
@@ -195,7 +196,7 @@ def may_become_active(conditions: Conditions, path: Path) -> frozenset[str]:
     near = set()
     for condition, values in found:
         excess = excess_over_bounds(condition, values)
-        if np.any(excess > -_NEAR_BOUND * np.ptp(values, axis=1, keepdims=True)):
+        if np.any(excess > -_MAY_CHANGE * np.ptp(values, axis=1, keepdims=True)):
             near.add(condition.name)
     return frozenset(near & {condition.name for condition in conditions.along_q})
 
