@@ -398,7 +398,7 @@ def run(robot: Robot, task: Task, options: argparse.Namespace) -> dict[str, Any]
         return record | {"infeasible": "an end too near", "distance": nearest}
     problem = robot.problem(ends, shapes)
     begin = time.process_time()
-    waypoints = rrt_connect(world, task, (model.lower, model.upper), options.seed, options.samples)
+    waypoints = rrt_connect(world, ends, (model.lower, model.upper), options.seed, options.samples)
     record["planner seconds"] = time.process_time() - begin
     planned = None
     if waypoints is not None:
