@@ -237,7 +237,7 @@ _IPOPT: Mapping[str, Any] = {
     "max_iter": 1000,
 }
 # Distances that enter begin far below their bounds.
-_APART: Mapping[str, Any] = {**_IPOPT, "mu_init": 1e-1}
+_APART: Mapping[str, Any] = {**_IPOPT, "bound_mult_init_method": "mu-based"}
 _TOO_NEAR = 300.0  # weight of a distance below its bound [1/m]
 _NEAR: Mapping[str, Any] = {
     **_IPOPT,
