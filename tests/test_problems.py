@@ -93,7 +93,8 @@ def test_energy_converges_with_the_grid(problem: go.Problem, solution: go.Soluti
     """The energy hardly changes with twice as many segments."""
     grid = problem.grid
     # On a given grid, conditions may be violated between the nodes.
-    fine = go.solve(problem, grid=go.Grid(2 * grid.segments, grid.degree), throw=False)
+    finer = go.Grid(2 * grid.segments, grid.degree)
+    fine = go.solve(problem, grid=finer, guess=solution, throw=False)
     if has_rounded_corners(problem):
         coarse = go.solve(problem, grid=grid, throw=False)
         corner = go.solve(replace(problem, continuous_velocity_at_via=False)).path.energy

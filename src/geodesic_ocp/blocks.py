@@ -132,6 +132,9 @@ class Instance(ca.SX):
         super().__init__(expression)
         self.terms, self.variables, self.numbers = terms, variables, numbers
 
+    def __repr__(self) -> str:
+        return f"Instance({self.numbers.size} numbers)"
+
 
 @dataclass(frozen=True, eq=False)
 class Block:

@@ -105,7 +105,7 @@ class PathTerms:
     conditions: Conditions = field(repr=False)
     energy: Terms
     at_ends: Terms
-    at_nodes: tuple[tuple[Terms, Array | None], ...]
+    at_nodes: tuple[tuple[Terms, Array | None], ...] = field(repr=False)
     at_via: tuple[Terms, ...]
     in_segments: Terms
 
