@@ -353,8 +353,8 @@ def _distances(
         return [distance for _, _, distance in nearest]
     if isinstance(other, Box):
         numbers: list[Any] = [other.centre, other.size, np.transpose(other.rotation)]
-        pose = _pose(model, q, other)
-        distance = box_distance(one.start, one.along, other, *pose)[0] - body.radius
+        centre, size, turn = (ca.DM(np.array(each)) for each in numbers)
+        distance = _from_box(one, centre, size, turn.T, *_pose(model, q, other)) - body.radius
         terms = _box_terms(model, body, other.link)
     else:
         points = [other.centre] if isinstance(other, Ball) else [*{other.start: 0, other.end: 0}]
@@ -383,13 +383,30 @@ def _box_terms(model: Model, body: Body, link: str | None) -> Terms:
     """Return the distance of a body from any box, in terms of its centre, size and rotation."""
     q, centre, size = (ca.SX.sym(name, n) for name, n in (("q", model.dof), ("c", 3), ("s", 3)))
     turn = ca.SX.sym("R", 3, 3)
-    box, pose = Box((0.0, 0.0, 0.0), size, link=link), (turn, centre)  # type: ignore[arg-type]
-    if link is not None:
-        rotation, position = _pose(model, q, box)
-        pose = rotation @ turn, position + rotation @ centre
-    one = _segment(model, q, body)
-    distance = box_distance(one.start, one.along, box, *pose)[0] - body.radius
+    pose = () if link is None else model.frame_pose(link, q)
+    distance = _from_box(_segment(model, q, body), centre, size, turn, *pose) - body.radius
     return Terms(q, ca.vertcat(centre, size, ca.vec(turn)), 0.0, distance)
+
+
+def _from_box(one: LineSegment, centre: Any, size: Any, turn: Any, *pose: ca.SX) -> ca.SX:
+    """Return the distance of a segment from a box whose axes are the columns of `turn`."""
+    if pose:
+        rotation, position = pose
+        centre, turn = position + rotation @ centre, rotation @ turn
+    function = _box_function(one.square.is_zero())
+    return ca.SX(function(one.start, one.along, centre, size, turn))
+
+
+@lru_cache(maxsize=2)
+def _box_function(is_point: bool) -> ca.Function:
+    """Return the distance from a box; a call of it is quicker, as for `_distance_function`."""
+    names = ("start", "along", "centre", "size")
+    start, along, centre, size = (ca.SX.sym(name, 3) for name in names)
+    turn = ca.SX.sym("turn", 3, 3)
+    box: Any = Box((0.0, 0.0, 0.0), size)  # type: ignore[arg-type]
+    used = ca.SX.zeros(3) if is_point else along
+    distance, _, _ = box_distance(start, used, box, turn, centre)
+    return ca.Function("distance", [start, along, centre, size, turn], [distance])
 
 
 def _nearest_by_name(

@@ -42,6 +42,7 @@ _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same so
 # The planner.
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 150
 _REACH = 1.5  # [rad or m]: longest line towards a sample
+_NEARBY = 0.2  # of the range of a constraint's values: nearer ones count
 _SPACING, _AT_ONCE = 0.05, 32  # [rad or m] between checks along a line; checks in one call
 _EACH = 8  # every so many of them become nodes of a tree
 
@@ -51,6 +52,7 @@ class FreeSpace:
     """Configurations that satisfy the path constraints of a problem that are in q alone."""
 
     definition: ProblemDefinition
+    only: frozenset[int] | None = None  # groups of constraints that count; None: all
 
     @cached_property
     def bounds(self) -> NodeBounds:
@@ -80,11 +82,25 @@ class FreeSpace:
         """Return largest violations (k,), and their gradients (k, n)."""
         return self._values(q, True)
 
+    def near(self, q: Array) -> FreeSpace:
+        """Return the space with those constraints alone that configurations (k, n) violate or come
+        near, compared with how much their values change.
+        """
+        found = set()
+        for index, (terms, numbers, below, above) in enumerate(self._groups):
+            g, _ = _mapped(terms, q, numbers)
+            over = np.maximum(below - g, g - above)
+            if np.any(~(over.max(axis=1) <= -_NEARBY * np.ptp(over, axis=1))):  # also NaN
+                found.add(index)
+        return FreeSpace(self.definition, frozenset(found))
+
     def _values(self, q: Array, gradients: bool) -> tuple[Array, Array]:
         lower, upper = self.bounds.lower[1], self.bounds.upper[1]
         excess = np.full(len(q), -np.inf)
         slopes = np.zeros(q.shape)
-        for terms, numbers, below, above in self._groups if len(q) else ():
+        for index, (terms, numbers, below, above) in enumerate(self._groups if len(q) else ()):
+            if self.only is not None and index not in self.only:
+                continue
             g, entries = _mapped(terms, q, numbers)
             over = np.maximum(below - g, g - above)
             over[np.isnan(over)] = np.inf
@@ -327,7 +343,7 @@ def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
     paths, margin = paths.copy(), 0.0
     # min sum |q_i+1 - q_i|^2 / 2 + firm sum_i pushed_i |q_i - target_i|^2 / 2 with both ends fixed.
     stretch = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
-    rest = np.arange(len(paths))
+    rest, space = np.arange(len(paths)), space.near(paths.reshape(-1, n))
     for _ in range(_ROUNDS):
         q = paths[rest]
         excess, slopes = space.outward(q.reshape(-1, n))
