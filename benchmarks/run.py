@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 from comparison import maps, other_packages, plots, report
+from comparison.constrained import constrained
 from comparison.growth import SIZES, growth
 from comparison.measurement import Measurement
 from comparison.models import random_pairs
@@ -72,6 +73,7 @@ def run(options: argparse.Namespace) -> int:
         maps.batch(arm, random_pairs(arm, FRACTION, 12 if quick else 500, seed=1)),
     )
     add(f"Exponential map, {arm.name}", maps.exponential_maps(arm, pairs[: 5 if quick else 50]))
+    add("Paths under constraints, to a tolerance of 1e-6", constrained(5 if quick else 40))
     add("Recordings", recordings(2 if quick else 5))
     add("A new process", start_up(2 if quick else 5))
     if not quick:
