@@ -10,6 +10,7 @@ their variables.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -76,26 +77,25 @@ class Terms:
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[Any]:
         """Return outputs of one of these functions for so many instances, one column each."""
-        compiled = None if name == "value" else self._compiled.get(name)
+        compiled = None if name == "value" else self._compiled(name)
         function = compiled or getattr(self, name)
         return list(function.map(count).call(list(arguments)))
 
+    def _compiled(self, name: str) -> ca.Function | None:
+        """Return a derivative from a library, if it takes long enough and there is a compiler."""
+        if name not in self._libraries:
+            function, found = getattr(self, name), None
+            if function.n_instructions() > _MANY:
+                digest = sha256(function.serialize().encode()).hexdigest()
+                file = Library(lambda: {name: function}, digest).file
+                with suppress(RuntimeError):  # the file has been removed
+                    found = ca.external(name, file) if file else None
+            self._libraries[name] = found
+        return self._libraries[name]
+
     @cached_property
-    def _compiled(self) -> dict[str, ca.Function]:
-        """The derivatives that take long enough, from a library, where there is a compiler."""
-        names = [("gradient", self.has_objective), ("jacobian", self.size_g > 0), ("hessian", True)]
-        functions = {name: getattr(self, name) for name, has in names if has}
-        functions = {
-            name: each for name, each in functions.items() if each.n_instructions() > _MANY
-        }
-        if not functions:
-            return {}
-        text = "".join(each.serialize() for each in functions.values())
-        file = Library(lambda: functions, sha256(text.encode()).hexdigest()).file
-        try:
-            return {name: ca.external(name, file) for name in functions} if file else {}
-        except RuntimeError:  # the file has been removed
-            return {}
+    def _libraries(self) -> dict[str, ca.Function | None]:
+        return {}
 
     @cached_property
     def jacobian_entries(self) -> tuple[Indices, Indices]:

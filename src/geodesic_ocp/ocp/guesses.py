@@ -10,7 +10,7 @@ constraints in the configuration alone, not those on velocities.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -52,7 +52,7 @@ class FreeSpace:
     """Configurations that satisfy the path constraints of a problem that are in q alone."""
 
     definition: ProblemDefinition
-    only: frozenset[int] | None = None  # groups of constraints that count; None: all
+    near: Array | None = None  # configurations (k, n) near which constraints count; None: all
 
     @cached_property
     def bounds(self) -> NodeBounds:
@@ -69,7 +69,15 @@ class FreeSpace:
                 np.concatenate(side).reshape(len(own), 1, -1).T
                 for side in ([c.lower for c in group], [c.upper for c in group])
             )
-            found.append((each, own, below, above))
+            if self.near is not None:
+                g, _ = _mapped(each, self.near, own)
+                over = np.maximum(below - g, g - above)
+                # Compared with how much their values change; NaN is near.
+                far = over.max(axis=1) <= -_NEARBY * np.ptp(over, axis=1)
+                kept = ~far.all(axis=0)
+                own, below, above = own[kept], below[:, :, kept], above[:, :, kept]
+            if len(own):
+                found.append((each, own, below, above))
         return found
 
     def excess(self, q: Array) -> Array:
@@ -82,25 +90,11 @@ class FreeSpace:
         """Return largest violations (k,), and their gradients (k, n)."""
         return self._values(q, True)
 
-    def near(self, q: Array) -> FreeSpace:
-        """Return the space with those constraints alone that configurations (k, n) violate or come
-        near, compared with how much their values change.
-        """
-        found = set()
-        for index, (terms, numbers, below, above) in enumerate(self._groups):
-            g, _ = _mapped(terms, q, numbers)
-            over = np.maximum(below - g, g - above)
-            if np.any(~(over.max(axis=1) <= -_NEARBY * np.ptp(over, axis=1))):  # also NaN
-                found.add(index)
-        return FreeSpace(self.definition, frozenset(found))
-
     def _values(self, q: Array, gradients: bool) -> tuple[Array, Array]:
         lower, upper = self.bounds.lower[1], self.bounds.upper[1]
         excess = np.full(len(q), -np.inf)
         slopes = np.zeros(q.shape)
-        for index, (terms, numbers, below, above) in enumerate(self._groups if len(q) else ()):
-            if self.only is not None and index not in self.only:
-                continue
+        for terms, numbers, below, above in self._groups if len(q) else ():
             g, entries = _mapped(terms, q, numbers)
             over = np.maximum(below - g, g - above)
             over[np.isnan(over)] = np.inf
@@ -343,7 +337,7 @@ def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
     paths, margin = paths.copy(), 0.0
     # min sum |q_i+1 - q_i|^2 / 2 + firm sum_i pushed_i |q_i - target_i|^2 / 2 with both ends fixed.
     stretch = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
-    rest, space = np.arange(len(paths)), space.near(paths.reshape(-1, n))
+    rest, space = np.arange(len(paths)), replace(space, near=paths.reshape(-1, n))
     for _ in range(_ROUNDS):
         q = paths[rest]
         excess, slopes = space.outward(q.reshape(-1, n))
