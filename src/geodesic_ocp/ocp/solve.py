@@ -102,9 +102,10 @@ def solve(
 
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
-    If the problem's own guess, by default the straight line, leads to no solution, and there are
-    path constraints in q, detours around them are tried, then paths of a sampling planner. The
-    same call always gives the same solution; `stats.guess` names the guess that led to it.
+    Where the problem's own guess, by default the straight line, violates path constraints in q, a
+    detour around them comes first; guesses that lead to no solution are followed by others, last by
+    paths of a sampling planner. The same call always gives the same solution; `stats.guess` names
+    the guess that led to it.
 
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
@@ -123,7 +124,7 @@ def solve(
             True. Numbers start anew on every grid.
         ipopt: options of Ipopt, by name.
         num_starts: solve from so many guesses, if there are as many different ones, and return the
-            best solution.
+            best solution; not with a given guess or via points.
 
     Raises:
         ValueError: the problem is malformed; its fixed ends violate its own conditions; or a
