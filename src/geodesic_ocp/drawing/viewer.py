@@ -16,7 +16,7 @@ from typing import Any
 
 from geodesic_ocp.drawing.page import document, fragment
 from geodesic_ocp.drawing.playback_of import playback_of
-from geodesic_ocp.drawing.retargeting_scenes import LONGER, retargeting_playback
+from geodesic_ocp.drawing.retargeting_scenes import retargeting_playback
 from geodesic_ocp.drawing.scene import Playback, plain_text
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.records import write_file
@@ -258,7 +258,7 @@ def _sentences(retargeting: Retargeting) -> str:
     stretch = retargeting.stretch
     time = (
         f"The robot takes {stretch:.2f} times as long as the person, because of joint speed limits."
-        if stretch > LONGER
+        if stretch > 1.0
         else "The robot takes the person's time."
     )
     num_unreachable = sum(len(arm.out_of_reach) for arm in retargeting.arms)
