@@ -51,6 +51,12 @@ def test_derivatives_are_those_of_the_whole_program(
     cells = Cells(nodes[:, :, None] + np.arange(2), rng.normal(size=(5, 3, 3)))
     units = rng.normal(size=(4, 3)), ca.DM(rng.normal(size=(4, 3))) * shared[0]
     sums = scipy.sparse.random_array((7, 24), density=0.4, rng=rng)
+    bent = Terms(
+        z, constraints=ca.vertcat(ca.sin(z[0] * z[1]), z[2] ** 2 * z[0], ca.exp(z[1]) * z[2], z[0])
+    )
+    points = Block(bent, some[:4], units=units)
+    apart = Terms(z, p, constraints=ca.vertcat(p[0] * z[0] * z[1] + z[2] ** 3, z[1] * z[2]))
+    at_points = np.array([rng.permutation(16)[:3] for _ in range(5)])
     linear = scipy.sparse.random_array((5, SIZE), density=0.2, rng=rng)
     form = scipy.sparse.random_array((SIZE, SIZE), density=0.1, rng=rng)
     program = BlockProgram(
@@ -71,6 +77,8 @@ def test_derivatives_are_those_of_the_whole_program(
                 units=(rng.normal(size=(2, 3)), rng.normal(size=(2, 3))),
                 groups=groups,
             ),
+            Block(apart, at_points, rng.normal(size=(5, 2)), inner=points),
+            Block(apart, at_points[:2], rng.normal(size=(2, 2)), inner=points),
             Block(moving, cells, weights=shared[1] * ca.DM(rng.normal(size=20))),
         ],
         shared,

@@ -9,12 +9,14 @@ their variables.
 
 from __future__ import annotations
 
+import ctypes
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -28,6 +30,7 @@ from geodesic_ocp.ipopt import Ipopt, Outcome, Relay
 Start = TypeVar("Start")
 Found = TypeVar("Found")
 _MANY = 200  # instructions from which on a function is compiled
+_PER_INSTRUCTION = 1e-7  # [s] that a program takes for one in all its evaluations
 
 
 class Terms:
@@ -38,6 +41,8 @@ class Terms:
         parameters: symbols p (k, 1).
         objective: f, a scalar.
         constraints: g (m, 1).
+        slopes: Jacobian of g by z (m, size), where it is simpler in closed form, as of minima.
+        lasting: whether many programs use them, so that an optimizing compiler pays.
     """
 
     def __init__(
@@ -46,6 +51,8 @@ class Terms:
         parameters: ca.SX | None = None,
         objective: ca.SX | float = 0.0,
         constraints: ca.SX | None = None,
+        slopes: ca.SX | None = None,
+        lasting: bool = False,
     ) -> None:
         self._z, self._p = variables, ca.SX(0, 1) if parameters is None else parameters
         self._f = ca.SX(objective)
@@ -53,6 +60,7 @@ class Terms:
         self.size, self.size_g = int(self._z.numel()), int(self._g.numel())
         self.size_p = int(self._p.numel())
         self.has_objective = not self._f.is_zero()
+        self._given_slopes, self._lasting = slopes, lasting
 
     @cached_property
     def value(self) -> ca.Function:
@@ -77,24 +85,54 @@ class Terms:
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[Any]:
         """Return outputs of one of these functions for so many instances, one column each."""
-        compiled = None if name == "value" else self._compiled(name)
-        function = compiled or getattr(self, name)
+        library = None if name == "value" else self._compiled(name)
+        function = getattr(self, name)
+        if library is not None and (file := library.file):
+            library.used(_PER_INSTRUCTION * count * function.n_instructions())
+            with suppress(RuntimeError):  # the file has been removed
+                function = ca.external(name, file)
         return list(function.map(count).call(list(arguments)))
 
-    def _compiled(self, name: str) -> ca.Function | None:
-        """Return a derivative from a library, if it takes long enough and there is a compiler."""
+    def at(self, name: str, z: Array, p: Array) -> list[Array]:
+        """Return outputs (k, .) of `value` or `jacobian` at z (k, size) with the same p."""
+        function, library = getattr(self, name), self._compiled(name)
+        if library is None or (handle := library.handle(True)) is None:
+            found = function.map(len(z)).call([ca.DM(z.T), ca.repmat(ca.DM(p), 1, len(z))])
+            return [each.full().T for each in found]
+        z, p = np.asarray(z, dtype=float), np.ascontiguousarray(p, dtype=float)
+        if z.strides[1] != z.itemsize:
+            z = np.ascontiguousarray(z)
+        outputs = [np.empty((len(z), function.numel_out(k))) for k in range(function.n_out())]
+        steps = [z.strides[0] // z.itemsize, 0], [each.shape[1] for each in outputs]
+        pointers = (_pointers([z, p], function.sz_arg()), _pointers(outputs, function.sz_res()))
+        work, begin = np.empty(function.sz_w() + 1), time.perf_counter()
+        handle.many(
+            *(getattr(handle, name), ctypes.c_longlong(len(z)), 2, len(outputs)),
+            *(each for pair in zip(pointers, map(_steps, steps), strict=True) for each in pair),
+            work.ctypes.data_as(ctypes.c_void_p),
+        )
+        library.used(time.perf_counter() - begin)
+        return outputs
+
+    def jacobians(self, z: Array, p: Array) -> tuple[Array, Array]:
+        """Return g (k, m) and its Jacobians (k, m, size) at z (k, size) with the same p."""
+        g, entries = self.at("jacobian", z, p)
+        found = np.zeros((len(z), self.size_g, self.size))
+        found[:, self.jacobian_entries[0], self.jacobian_entries[1]] = entries
+        return g, found
+
+    def _compiled(self, name: str) -> Library | None:
+        """Return a library with a function, if that takes long enough."""
         if name not in self._libraries:
             function, found = getattr(self, name), None
-            if function.n_instructions() > _MANY:
+            if self._lasting or function.n_instructions() > _MANY:
                 digest = sha256(function.serialize().encode()).hexdigest()
-                file = Library(lambda: {name: function}, digest).file
-                with suppress(RuntimeError):  # the file has been removed
-                    found = ca.external(name, file) if file else None
+                found = Library(lambda: {name: function}, digest, lasting=self._lasting)
             self._libraries[name] = found
         return self._libraries[name]
 
     @cached_property
-    def _libraries(self) -> dict[str, ca.Function | None]:
+    def _libraries(self) -> dict[str, Library | None]:
         return {}
 
     @cached_property
@@ -109,12 +147,17 @@ class Terms:
 
     @cached_property
     def _slopes(self) -> ca.SX:
-        return ca.SX(ca.jacobian(self._g, self._z))
+        given = self._given_slopes
+        return ca.SX(ca.jacobian(self._g, self._z) if given is None else given)
 
     @cached_property
     def _curvature(self) -> tuple[list[ca.SX], ca.SX]:
         lam_f, lam_g = ca.SX.sym("lam_f"), ca.SX.sym("lam_g", self.size_g)
-        hessian, _ = ca.hessian(lam_f * self._f + ca.dot(lam_g, self._g), self._z)
+        if self._given_slopes is None:
+            hessian, _ = ca.hessian(lam_f * self._f + ca.dot(lam_g, self._g), self._z)
+        else:
+            gradient = lam_f * ca.gradient(self._f, self._z) + self._given_slopes.T @ lam_g
+            hessian = ca.jacobian(gradient, self._z)
         return [lam_f, lam_g], ca.triu(ca.SX(hessian))
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
@@ -122,15 +165,42 @@ class Terms:
         return ca.Function(name, [self._z, self._p, *more], tidy)
 
 
-class Instance(ca.SX):
-    """An expression that is the constraint function of terms, with numbers (k,) in place of p.
+def _pointers(arrays: Sequence[Array], size: int) -> ctypes.Array[ctypes.c_void_p]:
+    own = (ctypes.c_void_p * max(size, len(arrays)))()
+    own[: len(arrays)] = [each.ctypes.data for each in arrays]
+    return own
 
-    Its derivatives are not generated again for other numbers.
+
+def _steps(steps: Sequence[int]) -> ctypes.Array[ctypes.c_longlong]:
+    return (ctypes.c_longlong * len(steps))(*steps)
+
+
+class Instance(ca.SX):
+    """An expression in some variables that is the constraint function g(z, p) of terms.
+
+    Its derivatives are not generated again for other numbers, or for other z of as many variables.
+
+    Args:
+        expression: the expression.
+        terms: terms, of which there may be many instances.
+        numbers: values of p (k,).
+        variables: symbols (n, 1).
+        inner: terms in these variables whose constraint functions include z.
+        indices: those of z among them.
     """
 
-    def __init__(self, expression: ca.SX, terms: Terms, variables: ca.SX, numbers: Array) -> None:
+    def __init__(
+        self,
+        expression: ca.SX,
+        terms: Terms,
+        numbers: Array,
+        variables: ca.SX,
+        inner: Terms,
+        indices: Indices,
+    ) -> None:
         super().__init__(expression)
-        self.terms, self.variables, self.numbers = terms, variables, numbers
+        self.terms, self.numbers, self.variables = terms, numbers, variables
+        self.inner, self.indices = inner, indices
 
     def __repr__(self) -> str:
         return f"Instance({self.numbers.size} numbers)"
@@ -152,6 +222,8 @@ class Block:
             constraints; None: each has its own.
         sums: matrix (sums, instances * m) of the weighted sums of the constraint functions that are
             constrained, as in weak forms of equations; None: each function is by itself.
+        inner: block whose constraint functions, of one instance after the other, take the place of
+            x, as points of a mechanism do in distances; only for terms without an objective.
     """
 
     terms: Terms
@@ -163,6 +235,7 @@ class Block:
     units: tuple[Any, Any] | None = None
     groups: Indices | None = None
     sums: scipy.sparse.sparray | None = None
+    inner: Block | None = None
 
     @property
     def count(self) -> int:
@@ -312,6 +385,10 @@ class _Entries:
     factors: Array | None = None
 
 
+# Blocks with the variables and parameters of their instances.
+_Pairs: TypeAlias = Sequence[tuple[Block, list[Any]]]
+
+
 @dataclass(frozen=True, eq=False)
 class BlockProgram:
     """The program of all blocks: x, p -> f, g, with blocks and their instances in order.
@@ -374,8 +451,12 @@ class BlockProgram:
         x = ca.MX.sym("x", self.size)
         p = ca.MX.sym("p", 0) if self.parameters is None else self.parameters
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.size_g)
-        arguments = [block.arguments(x) for block in self.blocks]
-        pairs = list(zip(self.blocks, arguments, strict=True))
+        inner = list(dict.fromkeys(each.inner for each in self.blocks if each.inner is not None))
+        before = [(block, block.arguments(x)) for block in inner]
+        points: dict[Block | None, ca.MX] = {None: x}
+        for block, arguments in before:
+            points[block] = ca.vec(block.terms.mapped("value", block.count, arguments)[1])
+        pairs = [(block, block.arguments(points[block.inner])) for block in self.blocks]
         f, g = ca.MX(0), []
         for block, (z, values) in pairs:
             of_each, constraints = block.terms.mapped("value", block.count, [z, values])
@@ -387,18 +468,19 @@ class BlockProgram:
             more = ca.dot(x, bent) / 2 - ca.dot(linear, x)
             f, again, gradient = f + more, again + more, ca.densify(gradient + bent - linear)
         names, constraints = ["x", "p"], ca.vertcat(ca.MX(0, 1), *g)
+        slopes = self._jacobian(pairs, before)
         functions = {
             "nlp": ([x, p], [f, constraints], names, ["f", "g"]),
             "grad_f": ([x, p], [again, gradient], names, ["f", "grad_f_x"]),
-            "jac_g": ([x, p], [constraints, self._jacobian(pairs)], names, ["g", "jac_g_x"]),
+            "jac_g": ([x, p], [constraints, slopes], names, ["g", "jac_g_x"]),
             "hess_lag": (
-                *([x, p, lam_f, lam_g], [self._hessian(pairs, lam_f, lam_g)]),
+                *([x, p, lam_f, lam_g], [self._hessian(pairs, before, lam_f, lam_g)]),
                 *([*names, "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]),
             ),
         }
         return {name: ca.Function(name, *each) for name, each in functions.items()}
 
-    def _gradient(self, pairs: Sequence[tuple[Block, Any]]) -> tuple[ca.MX, ca.MX]:
+    def _gradient(self, pairs: _Pairs) -> tuple[ca.MX, ca.MX]:
         f, parts = ca.MX(0), []
         for block, (z, values) in pairs:
             if block.terms.has_objective:
@@ -410,40 +492,69 @@ class BlockProgram:
                 parts.append(_Entries(at, np.zeros_like(at), entries, source, factors))
         return f, ca.densify(_assembled((self.size, 1), parts))
 
-    def _jacobian(self, pairs: Sequence[tuple[Block, Any]]) -> ca.MX:
+    def _jacobian(self, pairs: _Pairs, before: _Pairs) -> ca.MX:
+        total = self._slopes(pairs, None, self.size)
+        for block, arguments in before:
+            total += self._slopes(pairs, block, block.size_g) @ self._inner_slopes(block, arguments)
+        return total
+
+    def _inner_slopes(self, block: Block, arguments: list[Any]) -> ca.MX:
+        return BlockProgram(self.size, [block])._slopes([(block, arguments)], None, self.size)
+
+    def _slopes(self, pairs: _Pairs, inner: Block | None, size: int) -> ca.MX:
+        """Return the Jacobian of all constraint functions (size_g, size) by x, or by those of an
+        inner block, of the blocks in these variables.
+        """
         first, parts = 0, []
         for block, (z, values) in pairs:
-            if block.size_g:
+            if block.size_g and block.inner is inner:
                 _, slopes = block.terms.mapped("jacobian", block.count, [z, values])
                 rows, columns = block.terms.jacobian_entries
                 if block.sums is not None:
                     total = block.summed_jacobian(slopes)
                     row, at = _triplets(total.sparsity())
                     parts.append(_Entries(first + row, at, total.nz[:]))
-                    first += block.size_g
-                    continue
-                source, at, factors, entries = block.spread(columns, slopes)
-                instance, entry = np.divmod(source, max(columns.size, 1))
-                row = first + block.terms.size_g * instance + rows[entry]
-                parts.append(_Entries(row, at, entries, source, factors))
-                first += block.size_g
-        return _assembled((self.size_g, self.size), parts)
+                else:
+                    source, at, factors, entries = block.spread(columns, slopes)
+                    instance, entry = np.divmod(source, max(columns.size, 1))
+                    row = first + block.terms.size_g * instance + rows[entry]
+                    parts.append(_Entries(row, at, entries, source, factors))
+            first += block.size_g
+        return _assembled((self.size_g, size), parts)
 
-    def _hessian(self, pairs: Sequence[tuple[Block, Any]], lam_f: ca.MX, lam_g: ca.MX) -> ca.MX:
+    def _hessian(self, pairs: _Pairs, before: _Pairs, lam_f: ca.MX, lam_g: ca.MX) -> ca.MX:
+        total = self._curvature(pairs, None, self.size, lam_f, lam_g)
+        for block, arguments in before:
+            # With y(x): y_x' L_yy y_x + sum_k L_y_k (y_k)_xx.
+            slopes = self._inner_slopes(block, arguments)
+            by_points = ca.triu2symm(self._curvature(pairs, block, block.size_g, lam_f, lam_g))
+            total += ca.triu(slopes.T @ (by_points @ slopes))
+            lam = self._slopes(pairs, block, block.size_g).T @ lam_g
+            alone = BlockProgram(self.size, [block])
+            total += alone._curvature([(block, arguments)], None, self.size, ca.MX(0), lam)
+        if self.quadratic is not None:
+            upper = scipy.sparse.triu(self.quadratic[0]).tocoo()
+            part = _Entries(upper.row, upper.col, lam_f * ca.DM(upper.data))
+            total += _assembled((self.size, self.size), [part])
+        return total
+
+    def _curvature(
+        self, pairs: _Pairs, inner: Block | None, size: int, lam_f: ca.MX, lam_g: ca.MX
+    ) -> ca.MX:
+        """Return the upper triangle of the Hessian (size, size) of the blocks in x, or in the
+        constraint functions of an inner block.
+        """
         first, parts = 0, []
         for block, (z, values) in pairs:
             own = lam_g[first : first + block.size_g]
             first += block.size_g
-            if block.terms.hessian_entries[0].size:
+            if block.terms.hessian_entries[0].size and block.inner is inner:
                 weights: ca.MX | ca.DM = ca.DM.ones(1, block.count)
                 if block.weights is not None:
                     weights = _columns(block.weights)
                 inputs = [z, values, lam_f * weights, block.of_instances(own)]
                 parts.append(block.curvature(*block.terms.mapped("hessian", block.count, inputs)))
-        if self.quadratic is not None:
-            upper = scipy.sparse.triu(self.quadratic[0]).tocoo()
-            parts.append(_Entries(upper.row, upper.col, lam_f * ca.DM(upper.data)))
-        return _assembled((self.size, self.size), parts)
+        return _assembled((size, size), parts)
 
 
 def single_block(terms: Terms, options: Mapping[str, Any] | None = None) -> Ipopt:

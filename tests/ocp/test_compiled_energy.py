@@ -28,7 +28,9 @@ def test_compiled_derivatives_equal_interpreted_ones(
     own = PathTerms.of(problem.metric, conditions)
     terms = [own, replace(own, energy=derived)]
     assert isinstance(terms[0].energy, CompiledEnergy)
-    compiled, interpreted = (Transcription(each, replace(grid, ends=None)) for each in terms)
+    compiled, interpreted = (
+        Transcription(each, replace(grid, ends=None), grid.nodes) for each in terms
+    )
     x = rng.normal(size=arm.dof * grid.size)
     p = Units(rng.normal(size=arm.dof), 0.7, 3.0).parameters(grid, rng.normal(size=3))
     factors = rng.normal(size=interpreted.program.size_g)

@@ -152,7 +152,9 @@ def test_assembled_derivatives_equal_those_of_casadi(
     problem = Everything()
     terms = parse_conditions(problem)
     assert_allclose(terms.p_values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
-    transcription = Transcription(PathTerms.of(problem.metric, terms), replace(grid, ends=None))
+    transcription = Transcription(
+        PathTerms.of(problem.metric, terms), replace(grid, ends=None), grid.nodes
+    )
     p = Units(rng.normal(size=2), 0.7, 3.0).parameters(grid, rng.normal(size=7))
     check_derivatives(transcription, p, rng)
 

@@ -68,7 +68,9 @@ def test_assembled_derivatives_equal_those_of_casadi(
     terms = parse_conditions(problem)
     assert [len(group) for group in (terms.fixed, terms.ends, terms.bounds)] == [1, 1, 1]
     assert [len(group) for group in (terms.along_q, terms.along_qv)] == [1, 1]
-    transcription = Transcription(PathTerms.of(problem.metric, terms), replace(grid, ends=None))
+    transcription = Transcription(
+        PathTerms.of(problem.metric, terms), replace(grid, ends=None), grid.nodes
+    )
     p = Units(rng.normal(size=7), 0.7, 3.0).parameters(grid)
     check_derivatives(transcription, p, rng)
 

@@ -153,6 +153,7 @@ class Library:
         fingerprint: text that changes with the functions.
         dim: dimension of the manifold; 0: without the core.
         entry: entry point of the core, one of `CORES`.
+        lasting: whether an optimizing compiler pays for functions without a core.
     """
 
     def __init__(
@@ -161,7 +162,9 @@ class Library:
         fingerprint: str,
         dim: int = 0,
         entry: str = "log_map",
+        lasting: bool = False,
     ) -> None:
+        self._lasting = lasting or dim > 0
         self._functions, self._fingerprint, self._dim = functions, fingerprint, dim
         self._entry = entry
         self._lock = threading.Lock()
@@ -223,8 +226,8 @@ class Library:
     def _prepare(self, at_once: bool) -> None:
         """Load the best library that is stored, or build one."""
         if self._untried is None:
-            # Functions without a core serve one program: a slow compiler would not pay.
-            candidates = [each for each in compilers() if self._dim or each.name == "tcc"]
+            # For one program a slow compiler would not pay.
+            candidates = [each for each in compilers() if self._lasting or each.name == "tcc"]
             best = next((each for each in reversed(candidates) if self._load_stored(each)), None)
             self._untried = candidates[candidates.index(best) + 1 :] if best else candidates
         if at_once or self._used > _FIRST_WORTHWHILE:

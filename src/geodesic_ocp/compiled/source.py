@@ -65,7 +65,9 @@ def core_text(entry: str = "log_map") -> str:
 
 
 def source_text(functions: Mapping[str, ca.Function], dim: int, entry: str = "log_map") -> str:
-    """Get C text of CasADi functions, and of the core that calls them on R^dim if dim is not 0."""
+    """Get C text of CasADi functions, and of the core that calls them on R^dim, or many times if
+    dim is 0.
+    """
     generator = ca.CodeGenerator("functions.c", {"with_header": False})
     for name, function in functions.items():
         assert function.name() == name
@@ -73,7 +75,9 @@ def source_text(functions: Mapping[str, ca.Function], dim: int, entry: str = "lo
         generator.add(function)
     generated = generator.dump().replace("#include <math.h>", "")
     parts = [_read("prelude"), generated]
-    if dim:
+    if not dim:
+        parts.append(_read("many"))
+    else:
         size = max(function.sz_w() for function in functions.values()) + 1
         if set(IN_LANES) <= functions.keys():
             parts += _in_lanes(generated)

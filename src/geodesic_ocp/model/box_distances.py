@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import reduce
+from functools import lru_cache, reduce
 
 import casadi as ca
 
@@ -19,8 +19,9 @@ def box_distance(
     box: Box,
     rotation: ca.SX | None = None,
     position: ca.SX | None = None,
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return the signed distance [m] between a segment and a box, and their nearest points (3, 1).
+) -> tuple[ca.SX, ca.SX, ca.SX, list[ca.SX]]:
+    """Return the signed distance [m] between a segment and a box, their nearest points (3, 1), and
+    the distance's gradients by start and vector of the segment, for the t at which it is least.
 
     Where they are apart, it is exact: d(t)^2 = sum_i max(|p_i(t)| - h_i, 0)^2, in axes of the box
     and with half sizes h, is convex in the segment's parameter t, and its derivative is piecewise
@@ -43,8 +44,22 @@ def box_distance(
     here = a + t * u
     there = _clipped(here, -half, half)
     apart = ca.sqrt(ca.sumsqr(here - there) + _TOUCHING)
-    distance = apart - ca.fmax(_penetration(a, u, half), 0.0)
-    return ca.SX(distance), centre + turn @ here, centre + turn @ there
+    overlap, by_a, by_u = _overlap(bool(u.is_zero()))(a, u, half)
+    normal = (here - there) / apart
+    gradients = [turn @ (normal - by_a), turn @ (t * normal - by_u)]
+    return ca.SX(apart - overlap), centre + turn @ here, centre + turn @ there, gradients
+
+
+@lru_cache(maxsize=2)
+def _overlap(is_point: bool) -> ca.Function:
+    """Return the function (a, u, half) -> overlap of a box and a segment, 0 if they are apart, and
+    its gradients by a and u.
+    """
+    a, half = ca.SX.sym("a", 3), ca.SX.sym("half", 3)
+    u = ca.SX.sym("u", 3)
+    overlap = ca.fmax(_penetration(a, ca.SX.zeros(3) if is_point else u, half), 0.0)
+    outputs = [overlap, *(ca.gradient(overlap, each) for each in (a, u))]
+    return ca.Function("overlap", [a, u, half], outputs)
 
 
 def _nearest_parameter(a: ca.SX, u: ca.SX, half: ca.SX) -> ca.SX:

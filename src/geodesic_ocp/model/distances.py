@@ -8,17 +8,18 @@ the other.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, is_symbolic
 from geodesic_ocp.blocks import Instance, Terms
+from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.box_distances import box_distance
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Box, Capsule, HalfSpace, Obstacle, as_capsule
@@ -72,17 +73,27 @@ def _distance_function(*are_points: bool) -> ca.Function:
         own = [ca.SX.sym(name, 3), ca.SX.sym(f"{name}_along", 3), ca.SX.sym(f"{name}_square")]
         symbols += own
         segments.append(LineSegment(own[0], *((ca.SX.zeros(3), ca.SX(0)) if is_point else own[1:])))
-    here, there = _closest_points(*segments)
-    distance = ca.sqrt(ca.sumsqr(here - there) + _TOUCHING)
-    return ca.Function("distance", symbols, [distance])
+    return ca.Function("distance", symbols, [_distance(*segments)[0]])
 
 
-def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]:
-    """Return the points (3, 1) at which two segments come closest, from the start of the other."""
+def _distance(one: LineSegment, other: LineSegment) -> tuple[ca.SX, list[ca.SX]]:
+    """Return the distance of two segments, and its gradients by start and vector of either: those
+    for fixed s and t, at which it is least.
+    """
+    between, s, t = _closest(one, other)
+    apart = between + s * one.along - t * other.along
+    distance = ca.sqrt(ca.sumsqr(apart) + _TOUCHING)
+    normal = apart / distance
+    return distance, [normal, s * normal, -normal, -t * normal]
+
+
+def _closest(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return the vector (3, 1) from the start of another segment, and where on both, from 0 to 1,
+    they come closest.
+    """
     between, u, w = one.start - other.start, one.along, other.along
     c, f = ca.dot(u, between), ca.dot(w, between)
-    s, t = _fractions(one.square, ca.dot(u, w), other.square, c, f, _PARALLEL)
-    return between + s * u, t * w
+    return between, *_fractions(one.square, ca.dot(u, w), other.square, c, f, _PARALLEL)
 
 
 def segment_distances(start: Array, end: Array, other_start: Array, other_end: Array) -> Array:
@@ -149,9 +160,9 @@ def signed_distances(
     """
     x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
     expressions: dict[str, ca.SX] = {}
-    segment = lru_cache(maxsize=None)(partial(_segment, model, x))
-    for name, body, other in bodies_apart(model, obstacles, links, pairs):
-        for distance in _distances(model, x, body, other, segment):
+    apart = bodies_apart(model, obstacles, links, pairs)
+    for (name, _, _), found in zip(apart, _distances(model, x, apart), strict=True):
+        for distance in found:
             add_named(expressions, name, distance)
     if isinstance(q, ca.SX) or not expressions:
         return expressions
@@ -266,10 +277,11 @@ def nearest_to_obstacle(
         return [(at, at - high * normal, high) for at, high in zip(starts, heights, strict=True)]
     if isinstance(obstacle, Box):
         other_radius = 0.0
-        distance, here, there = box_distance(segment.start, segment.along, obstacle, *pose)
+        distance, here, there, _ = box_distance(segment.start, segment.along, obstacle, *pose)
     else:
         other, other_radius = line_segment(as_capsule(obstacle), *pose), obstacle.radius
-        here, there = (other.start + each for each in _closest_points(segment, other))
+        _, s, t = _closest(segment, other)
+        here, there = segment.start + s * segment.along, other.start + t * other.along
         distance = segment_distance(segment, other)
     direction = (there - here) / distance
     start, end = here + radius * direction, there - other_radius * direction
@@ -344,69 +356,130 @@ def has_symbols(obstacle: Obstacle) -> bool:
 
 
 def _distances(
-    model: Model, q: ca.SX, body: Body, other: Obstacle, segment: Callable[[Body], LineSegment]
-) -> list[ca.SX]:
-    """Return distance [m] of a body from another; from a plane, those of its ends."""
-    one = segment(body)
-    if isinstance(other, HalfSpace) or has_symbols(other) or has_symbols(body):
-        nearest = nearest_to_obstacle(one, body.radius, other, *_pose(model, q, other))
-        return [distance for _, _, distance in nearest]
-    if isinstance(other, Box):
-        numbers: list[Any] = [other.centre, other.size, np.transpose(other.rotation)]
-        centre, size, turn = (ca.DM(np.array(each)) for each in numbers)
-        distance = _from_box(one, centre, size, turn.T, *_pose(model, q, other)) - body.radius
-        terms = _box_terms(model, body, other.link)
-    else:
-        points = [other.centre] if isinstance(other, Ball) else [*{other.start: 0, other.end: 0}]
-        numbers = [*points, other.radius]
-        distance = segment_distance(one, segment(other)) - (body.radius + other.radius)
-        terms = _capsule_terms(model, body, len(points), other.link)
-    return [Instance(distance, terms, q, np.concatenate([*map(np.ravel, numbers)]))]
+    model: Model, q: ca.SX, apart: Sequence[tuple[str, Body, Obstacle]]
+) -> Iterator[list[ca.SX]]:
+    """Yield distances [m] of bodies from others; from a plane, those of a body's ends."""
+    rows: dict[_Place, Indices] = {}
+    size, symbolic = 0, [has_symbols(body) or has_symbols(other) for _, body, other in apart]
+    for (_, body, other), as_given in zip(apart, symbolic, strict=True):
+        for place in _places(body, other) if not as_given else ():
+            if place not in rows:
+                rows[place] = size + np.arange(3 if _is_point(place[0]) else 6)
+                size += rows[place].size
+    inner = _points(model, tuple(rows))
+    points = inner.value(q, [])[1]
+    for (_, body, other), as_given in zip(apart, symbolic, strict=True):
+        if as_given:
+            nearest = nearest_to_obstacle(
+                _segment(model, q, body), body.radius, other, *_pose(model, q, other)
+            )
+            yield [distance for _, _, distance in nearest]
+            continue
+        own, found = np.concatenate([rows[each] for each in _places(body, other)]), list[ca.SX]()
+        terms = _distance_terms(_is_point(body), _kind(other), _moves(other))
+        for numbers in _numbers(body, other):
+            distance = terms.value(points[own.tolist()], numbers)[1]
+            found.append(Instance(distance, terms, numbers, q, inner, own))
+        yield found
 
 
-@lru_cache(maxsize=512)
-def _capsule_terms(model: Model, body: Body, num_points: int, link: str | None) -> Terms:
-    """Return the distance of a body from any capsule, or any ball, in terms of its points and
-    radius.
+# A body, and the link in whose frame its points are; None for the base frame.
+_Place: TypeAlias = tuple[Body, str | None]
+
+
+def _places(body: Body, other: Obstacle) -> list[_Place]:
+    """Return the bodies whose points the distance depends on: not that of a box, which rests in the
+    frame of its link.
     """
-    q, radius = ca.SX.sym("q", model.dof), ca.SX.sym("r")
-    points = ca.SX.sym("x", 3, num_points)
-    ends = ca.horzsplit(points)
-    other = Capsule(ends[0], ends[-1], radius, link)  # type: ignore[arg-type]
-    segments = (_segment(model, q, each) for each in (body, other))
-    distance = segment_distance(*segments) - (body.radius + radius)
-    return Terms(q, ca.vertcat(ca.vec(points), radius), 0.0, distance)
+    if isinstance(other, Box):
+        return [(body, other.link)]
+    return [(body, None), (other, None)] if _moves(other) else [(body, None)]  # type: ignore[list-item]
 
 
-@lru_cache(maxsize=512)
-def _box_terms(model: Model, body: Body, link: str | None) -> Terms:
-    """Return the distance of a body from any box, in terms of its centre, size and rotation."""
-    q, centre, size = (ca.SX.sym(name, n) for name, n in (("q", model.dof), ("c", 3), ("s", 3)))
-    turn = ca.SX.sym("R", 3, 3)
-    pose = () if link is None else model.frame_pose(link, q)
-    distance = _from_box(_segment(model, q, body), centre, size, turn, *pose) - body.radius
-    return Terms(q, ca.vertcat(centre, size, ca.vec(turn)), 0.0, distance)
+def _moves(other: Obstacle) -> bool:
+    return isinstance(other, (Ball, Capsule)) and other.link is not None
 
 
-def _from_box(one: LineSegment, centre: Any, size: Any, turn: Any, *pose: ca.SX) -> ca.SX:
-    """Return the distance of a segment from a box whose axes are the columns of `turn`."""
-    if pose:
-        rotation, position = pose
-        centre, turn = position + rotation @ centre, rotation @ turn
-    function = _box_function(one.square.is_zero())
-    return ca.SX(function(one.start, one.along, centre, size, turn))
+@lru_cache(maxsize=64)
+def _points(model: Model, places: tuple[_Place, ...]) -> Terms:
+    """Return starts and vectors to the ends, or centres, of bodies in the frames of links."""
+    q, points = ca.SX.sym("q", model.dof), [ca.SX(0, 1)]
+    for body, link in places:
+        capsule = as_capsule(body)
+        rotation, position = _pose(model, q, body) or (ca.SX.eye(3), ca.SX.zeros(3))
+        at = position + rotation @ ca.SX(capsule.start)
+        along = rotation @ (ca.SX(capsule.end) - ca.SX(capsule.start))
+        if link is not None:
+            turn, origin = model.frame_pose(link, q)
+            at, along = turn.T @ (at - origin), turn.T @ along
+        points += [at] if _is_point(body) else [at, along]
+    return Terms(q, None, 0.0, ca.vertcat(*points), lasting=True)
 
 
-@lru_cache(maxsize=2)
-def _box_function(is_point: bool) -> ca.Function:
-    """Return the distance from a box; a call of it is quicker, as for `_distance_function`."""
-    names = ("start", "along", "centre", "size")
-    start, along, centre, size = (ca.SX.sym(name, 3) for name in names)
-    turn = ca.SX.sym("turn", 3, 3)
-    box: Any = Box((0.0, 0.0, 0.0), size)  # type: ignore[arg-type]
-    used = ca.SX.zeros(3) if is_point else along
-    distance, _, _ = box_distance(start, used, box, turn, centre)
-    return ca.Function("distance", [start, along, centre, size, turn], [distance])
+@lru_cache(maxsize=12)
+def _distance_terms(is_point: bool, kind: type, moves: bool) -> Terms:
+    """Return the distance of a segment, or a point, from another body with such numbers."""
+    variables: list[ca.SX] = []
+    numbers: list[ca.SX] = []
+
+    def symbols(listed: list[ca.SX], *shape: int) -> ca.SX:
+        listed.append(ca.SX.sym("z", *shape))
+        return listed[-1]
+
+    def segment(listed: list[ca.SX], is_point: bool) -> LineSegment:
+        start = symbols(listed, 3)
+        if is_point:
+            return LineSegment(start, ca.SX.zeros(3), ca.SX(0))
+        return LineSegment(start, symbols(listed, 3), symbols(numbers))
+
+    one = segment(variables, is_point)
+    if kind is HalfSpace:
+        normal, end, height = symbols(numbers, 3), symbols(numbers), symbols(numbers)
+        distance = ca.dot(normal, one.start + end * one.along) - height
+        slopes = [normal, end * normal]
+    elif kind is Box:
+        box: Any = Box((0.0, 0.0, 0.0), symbols(numbers, 3))  # type: ignore[arg-type]
+        centre, turn = symbols(numbers, 3), symbols(numbers, 3, 3)
+        distance, _, _, slopes = box_distance(one.start, one.along, box, turn, centre)
+    else:
+        other = segment(variables if moves else numbers, kind is Ball)
+        distance, slopes = _distance(one, other)
+        slopes = slopes if kind is Capsule else slopes[:3]
+    if is_point:
+        slopes = [slopes[0], *slopes[2:]]
+    radius = symbols(numbers)
+    z, p = (ca.vertcat(*map(ca.vec, each)) for each in (variables, numbers))
+    by_z = ca.vertcat(*slopes)[: z.numel()].T
+    return Terms(z, p, 0.0, distance - radius, by_z, lasting=True)
+
+
+def _numbers(body: Body, other: Obstacle) -> list[Array]:
+    """Return the numbers of `_distance_terms` of a body and another; of a plane, for each end."""
+    own = _segment_numbers(body)[6:]
+    if isinstance(other, HalfSpace):
+        height = np.dot(other.normal, other.point)
+        ends = [0.0] if _is_point(body) else [0.0, 1.0]
+        return [np.array([*own, *other.normal, each, height, body.radius]) for each in ends]
+    if isinstance(other, Box):
+        turn = np.ravel(other.rotation, order="F")
+        return [np.array([*own, *other.size, *other.centre, *turn, body.radius])]
+    numbers = _segment_numbers(other)[6 if _moves(other) else 0 :]
+    return [np.array([*own, *numbers, body.radius + other.radius])]
+
+
+def _segment_numbers(body: Body) -> list[float]:
+    """Return start, vector to the end and its squared length, or of a point the start alone."""
+    start, end = (np.array(each) for each in (as_capsule(body).start, as_capsule(body).end))
+    along = end - start
+    return [*start, *([] if _is_point(body) else [*along, along @ along])]
+
+
+def _is_point(body: Obstacle) -> bool:
+    return isinstance(body, Ball) or (isinstance(body, Capsule) and body.start == body.end)
+
+
+def _kind(other: Obstacle) -> type:
+    return Ball if _is_point(other) else type(other)
 
 
 def _nearest_by_name(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -12,7 +13,15 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import Instance, Terms
+from geodesic_ocp.cells import Indices
 from geodesic_ocp.trajectory.grid import Grid
+
+CELLS = 32
+
+
+def cells_at(s: Array) -> Indices:
+    """Return the index of the cell of each s."""
+    return np.minimum((s * CELLS).astype(np.int64), CELLS - 1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -25,6 +34,7 @@ class Condition(ShortRepr):
         lower, upper: the bounds; equal for an equality.
         coordinates: indices (m,) into the symbols if every row is a bare symbol, else None.
         instance: the expression as one in q whose terms others share, else None.
+        cells: of `CELLS` equal intervals of s, those in which an instance is part of a program.
     """
 
     name: str
@@ -33,6 +43,7 @@ class Condition(ShortRepr):
     upper: Array
     coordinates: tuple[int, ...] | None
     instance: Instance | None = None
+    cells: NDArray[np.bool_] = field(default_factory=lambda: np.ones(CELLS, dtype=bool))
     _shown = ("name", "size")
 
     @property
@@ -85,14 +96,25 @@ class Conditions(ShortRepr):
             yield from at_one
         yield from self.via_continuity
 
-    @property
-    def in_groups(self) -> list[tuple[Condition, ...]]:
+    @cached_property
+    def groups(self) -> list[Group]:
         """Conditions in q alone by the terms that they share, and those without."""
-        groups: dict[Terms | None, list[Condition]] = {}
+        found: dict[tuple[Terms, Terms] | None, list[Condition]] = {}
         for condition in self.along_q:
-            terms = None if condition.instance is None else condition.instance.terms
-            groups.setdefault(terms, []).append(condition)
-        return [tuple(group) for group in groups.values()]
+            own = condition.instance
+            key = None if own is None else (own.terms, own.inner)
+            found.setdefault(key, []).append(condition)
+        return [
+            Group(tuple(each), *shared)
+            if shared
+            else Group(tuple(each), Terms(self.q, self.p, 0.0, stacked(each)))
+            for shared, each in found.items()
+        ]
+
+    @property
+    def kept(self) -> dict[str, NDArray[np.bool_]]:
+        """Cells of s in which each condition in q is part of a program, by name."""
+        return {each.name: each.cells for each in self.along_q}
 
     @property
     def only_ends(self) -> bool:
@@ -104,6 +126,77 @@ class Conditions(ShortRepr):
         """Names of the conditions on velocities at the ends, separated by commas."""
         velocities = ca.vertcat(self.v0, self.v1)
         return ", ".join(c.name for c in self.ends if ca.depends_on(c.expression, velocities))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Group(ShortRepr):
+    """Conditions in q alone that are evaluated together.
+
+    Attributes:
+        conditions: the conditions.
+        terms: their functions of q, together; or the function of one of them, with its numbers, of
+            some of the constraint functions of `inner`.
+        inner: terms in q.
+    """
+
+    conditions: tuple[Condition, ...]
+    terms: Terms
+    inner: Terms | None = None
+    _shown = ("conditions",)
+
+    def only(self, kept: NDArray[np.bool_]) -> Group:
+        """Return the group with some of its conditions (m,), if they are evaluated one by one."""
+        if self.inner is None:
+            return self
+        return replace(self, conditions=tuple(np.array(self.conditions, object)[kept]))
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of all values, (rows,)."""
+        lower, upper = zip(*((each.lower, each.upper) for each in self.conditions), strict=True)
+        return np.concatenate(lower), np.concatenate(upper)
+
+    def at_nodes(self, s: Array) -> tuple[Indices, Indices]:
+        """Return each node of a grid, and of each the conditions that are part of a program."""
+        kept = np.stack([each.cells for each in self.conditions], axis=1)
+        nodes, own = np.nonzero(kept[cells_at(s)])
+        return nodes, own
+
+    @property
+    def numbers(self) -> Array:
+        """Numbers of each condition (m, k)."""
+        return np.stack([each.numbers for each in self._instances])
+
+    @property
+    def indices(self) -> Indices:
+        """Indices of the variables of each condition in those of the inner terms, (m, size)."""
+        return np.stack([each.indices for each in self._instances])
+
+    @property
+    def _instances(self) -> list[Instance]:
+        return [each.instance for each in self.conditions if each.instance is not None]
+
+    def values(self, q: Array, p: Array) -> Array:
+        """Return the conditions' expressions (k, rows) at q (k, n), for parameters p."""
+        if self.inner is None:
+            return self.terms.at("value", q, p)[1]
+        (_, points), found = self.inner.at("value", q, np.zeros(0)), np.empty((len(q), 0))
+        every = [
+            self.terms.at("value", points[:, own.indices], own.numbers)[1]
+            for own in self._instances
+        ]
+        return np.hstack([found, *every])
+
+    def slopes(self, q: Array, p: Array, rows: Indices) -> Array:
+        """Return the gradient (k, n) of one of the rows, (k,), at each q."""
+        if self.inner is None:
+            return self.terms.jacobians(q, p)[1][np.arange(len(q)), rows]
+        points, found = self.inner.jacobians(q, np.zeros(0)), np.empty(q.shape)
+        for row in np.unique(rows):
+            here, own = rows == row, self._instances[row]
+            z, by_q = (each[np.ix_(here, own.indices)] for each in points)
+            found[here] = (self.terms.jacobians(z, own.numbers)[1] @ by_q)[:, 0]
+        return found
 
 
 def stacked(conditions: Sequence[Condition]) -> ca.SX:
@@ -119,13 +212,22 @@ class _Rows:
     """Indices (count, m) of a condition's values in the raveled nodes, or in g."""
 
     condition: Condition
-    index: NDArray[np.int64]
+    index: Indices
+    nodes: Indices | None = None  # (count,) if these are some of the nodes of a grid
 
     @property
     def kind(self) -> tuple[str, int, bool]:
         """Name, number of values, and whether it holds along the path."""
         count, size = self.index.shape
-        return self.condition.name, size, count > 1
+        return self.condition.name, size, count > 1 or self.nodes is not None
+
+    def at_nodes(self, source: NDArray[Any], grid: Grid) -> NDArray[Any]:
+        """Return values (nodes, m), zero where the condition is no part of the program."""
+        if self.nodes is None:
+            return source[self.index]
+        found = np.zeros((grid.size, self.index.shape[1]), source.dtype)
+        found[self.nodes] = source[self.index]
+        return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,6 +246,7 @@ class NodeBounds(ShortRepr):
     ends: Array
     lower_g: Array
     upper_g: Array
+    _grid: Grid
     _in_x: tuple[_Rows, ...]
     _in_g: tuple[_Rows, ...]
     _shown = ("ends",)
@@ -183,19 +286,27 @@ class NodeBounds(ShortRepr):
             in_x.append(_Rows(condition, (columns + at_end * n * (grid.size - 1))[None, :]))
 
         at_via = tuple(condition for at_one in conditions.via for condition in at_one)
-        groups = (
+        groups: tuple[tuple[Group | Sequence[Condition], int], ...] = (
             *((conditions.ends, 1), (at_via, 1), (conditions.via_continuity, 1)),
-            *((group, grid.size) for group in conditions.in_groups),
+            *((group, grid.size) for group in conditions.groups),
             (conditions.along_qv, grid.collocations),
         )
-        in_g, start = [], 0
+        in_g, start = list[_Rows](), 0
         for group, count in groups:
-            in_g += list(_interleaved(group, count, start))
-            start += count * sum(condition.size for condition in group)
+            if isinstance(group, Group) and group.inner is not None:
+                nodes, own = group.at_nodes(grid.nodes)
+                for number, condition in enumerate(group.conditions):
+                    (here,) = np.nonzero(own == number)
+                    in_g.append(_Rows(condition, start + here[:, None], nodes[here]))
+                start += nodes.size
+                continue
+            members = group.conditions if isinstance(group, Group) else group
+            in_g += list(_interleaved(members, count, start))
+            start += count * sum(condition.size for condition in members)
         lower_g, upper_g = np.empty(start), np.empty(start)
         for rows in in_g:
             lower_g[rows.index], upper_g[rows.index] = rows.condition.lower, rows.condition.upper
-        return cls(lower, upper, ends, lower_g, upper_g, tuple(in_x), tuple(in_g))
+        return cls(lower, upper, ends, lower_g, upper_g, grid, tuple(in_x), tuple(in_g))
 
     def worst(self, x: Array, g: Array) -> tuple[float, str]:
         """Return largest violation at the nodes and the name of its condition; NaN counts as
@@ -215,29 +326,35 @@ class NodeBounds(ShortRepr):
         """
         result = {}
         for rows, source in self._all_rows(lam_x, lam_g):
-            found = source[rows.index]
+            found = rows.at_nodes(source, self._grid)
             result[rows.condition.name] = found[0] if len(found) == 1 else found
         return result
 
-    def carried(
-        self, grid: Grid, lam_x: Array, lam_g: Array, before: NodeBounds, old: Grid
-    ) -> tuple[Array, Array] | None:
+    def carried(self, lam_x: Array, lam_g: Array, before: NodeBounds) -> tuple[Array, Array] | None:
         """Return multipliers here for those on another grid; None for other conditions.
 
-        Along the path, multipliers per unit of s are interpolated.
+        Along the path, multipliers per unit of s are interpolated. They are zero for distances that
+        were no part of the program.
         """
         x, g = np.zeros(self.lower.size), np.zeros(self.lower_g.size)
-        here, there = list(self._all_rows(x, g)), list(before._all_rows(lam_x, lam_g))
-        if [rows.kind for rows, _ in here] != [rows.kind for rows, _ in there]:
+        known = {rows.kind: (rows, source) for rows, source in before._all_rows(lam_x, lam_g)}
+        every = list(self._all_rows(x, g))
+        left_out = known.keys() ^ {rows.kind for rows, _ in every}
+        here = {rows.kind: rows for rows, _ in every} | {k: r for k, (r, _) in known.items()}
+        if any(here[kind].nodes is None for kind in left_out):
             return None
-        for (rows, target), (old_rows, source) in zip(here, there, strict=True):
-            values = source[old_rows.index]
-            if (s := _nodes(old).get(len(values))) is not None:
-                fine = _nodes(grid)[len(rows.index)]
+        of_old, of_new = _nodes(before._grid), _nodes(self._grid)
+        for rows, target in every:
+            if rows.kind not in known:
+                continue
+            old_rows, source = known[rows.kind]
+            values = old_rows.at_nodes(source, before._grid)
+            if (s := of_old.get(len(values))) is not None:
+                fine = of_new[len(rows.index) if rows.nodes is None else self._grid.size]
                 density = values / _spacing(s)[:, None]
                 values = np.stack([np.interp(fine, s, each) for each in density.T], axis=1)
                 values *= _spacing(fine)[:, None]
-            target[rows.index] = values
+            target[rows.index] = values if rows.nodes is None else values[rows.nodes]
         return x, g
 
     def switching_points(
@@ -246,9 +363,10 @@ class NodeBounds(ShortRepr):
         """Get s between the nodes where a condition along the path becomes active or inactive."""
         nodes = _nodes(grid)
         found: set[float] = set()
-        for rows, active in self._all_rows(active_x, active_g):
-            if (s := nodes.get(len(rows.index))) is not None:
-                changed = np.any(np.diff(active[rows.index], axis=0), axis=1)
+        for rows, source in self._all_rows(active_x, active_g):
+            active = rows.at_nodes(source, grid)
+            if (s := nodes.get(len(active))) is not None:
+                changed = np.any(np.diff(active, axis=0), axis=1)
                 found.update(((s[1:] + s[:-1]) / 2.0)[changed].tolist())
         return tuple(sorted(found))
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Terms
 from geodesic_ocp.manifold.metric import Metric, speeds_at
-from geodesic_ocp.ocp.conditions import Condition, NodeBounds, stacked
+from geodesic_ocp.ocp.conditions import Condition, Group, NodeBounds, stacked
 from geodesic_ocp.ocp.nlp import ProblemDefinition, initial_nodes
 from geodesic_ocp.ocp.pose_search import search_simultaneously
 from geodesic_ocp.trajectory.grid import Grid
@@ -60,25 +60,28 @@ class FreeSpace:
         return NodeBounds.on_grid(self.definition.conditions, Grid(1, 2))
 
     @cached_property
-    def _groups(self) -> list[tuple[Terms, Array, Array, Array]]:
-        """Terms of each group of constraints, their numbers (m, p), and bounds (rows, 1, m)."""
-        terms, found = self.definition.transcription(self.definition.grid).terms, []
-        for (each, numbers), group in zip(terms.at_nodes, terms.conditions.in_groups, strict=True):
-            own = self.definition.conditions.p_values[None] if numbers is None else numbers
-            below, above = (
-                np.concatenate(side).reshape(len(own), 1, -1).T
-                for side in ([c.lower for c in group], [c.upper for c in group])
-            )
-            if self.near is not None:
-                g, _ = _mapped(each, self.near, own)
-                over = np.maximum(below - g, g - above)
-                # Compared with how much their values change; NaN is near.
-                far = over.max(axis=1) <= -_NEARBY * np.ptp(over, axis=1)
-                kept = ~far.all(axis=0)
-                own, below, above = own[kept], below[:, :, kept], above[:, :, kept]
-            if len(own):
-                found.append((each, own, below, above))
+    def _groups(self) -> list[Group]:
+        """Groups of the constraints that count."""
+        conditions = self.definition.conditions
+        if self.near is None:
+            return conditions.groups
+        found = []
+        for group in conditions.groups:
+            over = np.maximum(*self._sides(group, self.near))
+            # Compared with how much their values change; NaN is near.
+            near = ~(over.max(axis=0) <= -_NEARBY * np.ptp(over, axis=0))
+            if np.any(near):
+                found.append(group.only(near))
         return found
+
+    def _sides(self, group: Group, q: Array) -> tuple[Array, Array]:
+        """Return how far values at configurations (k, n) lie below and above bounds, (k, rows)."""
+        values, (lower, upper) = group.values(q, self._p), group.bounds
+        return lower - values, values - upper
+
+    @property
+    def _p(self) -> Array:
+        return self.definition.conditions.p_values
 
     def excess(self, q: Array) -> Array:
         """Return largest violation of the constraints at configurations (k, n), (k,), negative
@@ -94,19 +97,17 @@ class FreeSpace:
         lower, upper = self.bounds.lower[1], self.bounds.upper[1]
         excess = np.full(len(q), -np.inf)
         slopes = np.zeros(q.shape)
-        for terms, numbers, below, above in self._groups if len(q) else ():
-            g, entries = _mapped(terms, q, numbers)
-            over = np.maximum(below - g, g - above)
+        for group in self._groups if len(q) else ():
+            below, above = self._sides(group, q)
+            over = np.fmax(below, above)
             over[np.isnan(over)] = np.inf
-            over = np.moveaxis(over, 1, 0).reshape(len(q), -1)
             worst, at = over.argmax(axis=1), np.arange(len(q))
             more = over[at, worst] > excess
             excess[more] = over[at, worst][more]
-            if gradients:
-                row, instance = np.divmod(worst, len(numbers))
-                found = _jacobians(terms, entries[:, at, instance])[at, row]
-                sign = np.where(g[row, at, instance] > above[row, 0, instance], 1.0, -1.0)
-                slopes[more] = (sign[:, None] * np.nan_to_num(found))[more]
+            if gradients and np.any(more):
+                found = np.nan_to_num(group.slopes(q[more], self._p, worst[more]))
+                is_above = (above > below)[at, worst][more]
+                slopes[more] = np.where(is_above, 1.0, -1.0)[:, None] * found
         if gradients:
             return excess, slopes
         return np.maximum(excess, np.maximum(lower - q, q - upper).max(axis=1)), slopes
@@ -164,22 +165,6 @@ def _num_steps(start: Array, end: Array) -> int:
     return max(1, int(np.ceil(np.linalg.norm(end - start) / _SPACING)))
 
 
-def _mapped(terms: Terms, q: Array, numbers: Array) -> list[Array]:
-    """Return values and entries of the Jacobian, (., k, m) each, at configurations (k, n) with each
-    of the numbers (m, p) in place of the parameters.
-    """
-    points, given = np.repeat(q, len(numbers), axis=0), np.tile(numbers, (len(q), 1))
-    found = terms.mapped("jacobian", len(points), (ca.DM(points.T), ca.DM(given.T)))
-    return [each.full().reshape(-1, len(q), len(numbers)) for each in found]
-
-
-def _jacobians(terms: Terms, entries: Array) -> Array:
-    found = np.zeros((entries.shape[1], terms.size_g, terms.size))
-    rows, columns = terms.jacobian_entries
-    found[:, rows, columns] = entries.T
-    return found
-
-
 class _EndErrors:
     """Errors of the conditions on one end, and its worst violation of a path constraint."""
 
@@ -190,12 +175,12 @@ class _EndErrors:
         self._terms = Terms(own, c.p, 0.0, stacked(held))
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
-        g, entries = (each[:, :, 0] for each in _mapped(self._terms, q, self._p[None]))
+        g, jacobians = self._terms.jacobians(q, self._p)
         excess, slopes = self._space.outward(q)
         violated = excess > 0.0
-        errors = np.column_stack([g.T - self._values, np.where(violated, excess, 0.0)])
+        errors = np.column_stack([g - self._values, np.where(violated, excess, 0.0)])
         slopes = np.where(violated[:, None], slopes, 0.0)[:, None]
-        return errors, np.concatenate([_jacobians(self._terms, entries), slopes], axis=1)
+        return errors, np.concatenate([jacobians, slopes], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

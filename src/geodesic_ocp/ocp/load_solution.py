@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.ocp.certificate import FinalIterate
-from geodesic_ocp.ocp.conditions import NodeBounds
+from geodesic_ocp.ocp.conditions import CELLS, NodeBounds
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import (
@@ -43,7 +43,8 @@ class _IterateRecord:
     x: Array
     lam_x: Array
     lam_g: Array
-    conditions: list[str] | None = None  # those in q along the path; None: all
+    # Those in q along the path, with their cells of s; None: all
+    conditions: dict[str, list[bool]] | list[str] | None = None
 
 
 @dataclass(eq=False)
@@ -181,7 +182,9 @@ def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
     path = Path(problem.metric, grid, record.nodes)
     all_conditions, n = definition.conditions, problem.metric.dim
     if saved.conditions is not None:
-        definition = definition.restricted(frozenset(saved.conditions))
+        every = dict.fromkeys(saved.conditions, [True] * CELLS)
+        kept = every if isinstance(saved.conditions, list) else saved.conditions
+        definition = definition.restricted({name: np.array(kept[name], bool) for name in kept})
     conditions = definition.conditions
     if len(grid.via_segments) != len(conditions.via):
         raise ValueError(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.manifold.metric import Metric
@@ -41,11 +42,20 @@ class ProblemDefinition(ShortRepr):
     grid: Grid = field(compare=False)
     _shown = ("metric", "grid")
 
-    def restricted(self, names: frozenset[str]) -> ProblemDefinition:
-        """Return the definition with only these of the conditions in q along the path."""
-        kept = tuple(each for each in self.conditions.along_q if each.name in names)
-        key = None if self.key is None else (self.key, names)
-        return replace(self, conditions=replace(self.conditions, along_q=kept), key=key)
+    def restricted(self, kept: Mapping[str, NDArray[np.bool_]]) -> ProblemDefinition:
+        """Return the definition with only these of the conditions in q along the path, by name.
+
+        Distances are kept in their cells of s alone; the NLP is then not shared.
+        """
+        conditions = self.conditions
+        along_q = tuple(
+            each if each.instance is None else replace(each, cells=kept[each.name])
+            for each in conditions.along_q
+            if each.name in kept
+        )
+        has_cells = any(each.instance is not None for each in along_q)
+        key = None if has_cells or self.key is None else (self.key, frozenset(kept))
+        return replace(self, conditions=replace(conditions, along_q=along_q), key=key)
 
     def initial_path(self, grid: Grid, guess: Path | None) -> Path:
         """Return the initial guess on a grid: the given one, the problem's or a straight line."""
@@ -55,7 +65,8 @@ class ProblemDefinition(ShortRepr):
         """Return the NLP on all grids of this shape, built once for all problems with this key."""
         even = replace(grid, ends=None)
         if self.key is None:
-            return Transcription(_unshared_terms(self.metric, self.conditions), even)
+            terms = _unshared_terms(self.metric, self.conditions)
+            return Transcription(terms, even, grid.nodes)
         return _shared(self, even)
 
 
@@ -70,7 +81,7 @@ def _shared_terms(definition: ProblemDefinition) -> PathTerms:
 
 @lru_cache(maxsize=32)
 def _shared(definition: ProblemDefinition, grid: Grid) -> Transcription:
-    return Transcription(_shared_terms(definition), grid)
+    return Transcription(_shared_terms(definition), grid, grid.nodes)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

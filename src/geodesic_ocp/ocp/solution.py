@@ -236,7 +236,7 @@ class Solution:
         """
         grid, iterate = self.path.grid, self.iterate
         arrays = {name: getattr(iterate, name) for name in ("x", "lam_x", "lam_g")}
-        arrays["conditions"] = [each.name for each in iterate.nlp.conditions.along_q]
+        arrays["conditions"] = iterate.nlp.conditions.kept
         record = {
             "format": FORMAT,
             "version": VERSION,

@@ -29,7 +29,13 @@ from geodesic_ocp.ocp.refinement import (
 )
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
-from geodesic_ocp.ocp.violations import find_violations, may_become_active, violation_profile
+from geodesic_ocp.ocp.violations import (
+    find_violations,
+    joined,
+    left_out,
+    may_become_active,
+    violation_profile,
+)
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -345,16 +351,12 @@ class _Solver:
             return replace(self, definition=definition)._solve_on(grid, guess)
 
         def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
-            definition = found.iterate.nlp.definition
-            names = {each.name for each in definition.conditions.along_q}
-            others = {each.name for each in whole.along_q} - names
-            if found.stats.status == STOPPED or others.isdisjoint(
-                each.name for each in found.violations
-            ):
+            kept = found.iterate.nlp.conditions.kept
+            missing = left_out(whole, kept, found.path)
+            if found.stats.status == STOPPED or not missing:
                 return found, None
-            more = self.definition.restricted(
-                frozenset(names | (may_become_active(whole, found.path)))
-            )
+            near = may_become_active(whole, found.path)
+            more = self.definition.restricted(joined(kept, missing, near))
             return found, (more, found if found.stats.success else guess)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
@@ -453,7 +455,7 @@ class _Solver:
 def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
     """Return another solution's multipliers in the NLP's units; none if conditions differ."""
     old, units = before.iterate, nlp.units
-    carried = nlp.bounds.carried(nlp.grid, old.lam_x, old.lam_g, old.nlp.bounds, before.path.grid)
+    carried = nlp.bounds.carried(old.lam_x, old.lam_g, old.nlp.bounds)
     if carried is None:
         return {}
     energies = old.nlp.units.scale / units.scale
@@ -492,6 +494,6 @@ def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outco
         max_path_violation=violations[0].amount if violations else 0.0,
     )
     lam_x = units.scale / units.length * outcome.lam_x.reshape(path.nodes.shape)
-    left_out = {each.name: np.zeros((path.grid.size, each.size)) for each in conditions.along_q}
-    multipliers = {**left_out, **bounds.multipliers(lam_x, units.scale * outcome.lam_g)}
+    others = {each.name: np.zeros((path.grid.size, each.size)) for each in conditions.along_q}
+    multipliers = {**others, **bounds.multipliers(lam_x, units.scale * outcome.lam_g)}
     return Solution(problem, path, stats, multipliers, violations, iterate)

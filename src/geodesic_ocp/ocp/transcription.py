@@ -21,7 +21,7 @@ from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.cells import Cells, Indices
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.conditions import Condition, Conditions, stacked
+from geodesic_ocp.ocp.conditions import Condition, Conditions, Group, stacked
 from geodesic_ocp.trajectory.grid import Grid
 
 
@@ -97,7 +97,7 @@ class PathTerms:
         conditions: conditions of the problem, whose symbols are used.
         energy: integrand of energy and cost, in q and v.
         at_ends: conditions in q0, q1, v0, v1.
-        at_nodes: in q, by groups, with the numbers of each of its conditions if they share terms.
+        at_nodes: in q, by groups.
         at_via: in q, of each via point.
         in_segments: in q and v.
     """
@@ -105,7 +105,7 @@ class PathTerms:
     conditions: Conditions = field(repr=False)
     energy: Terms
     at_ends: Terms
-    at_nodes: tuple[tuple[Terms, Array | None], ...] = field(repr=False)
+    at_nodes: tuple[Group, ...] = field(repr=False)
     at_via: tuple[Terms, ...]
     in_segments: Terms
 
@@ -121,12 +121,6 @@ class PathTerms:
         def bounded(symbols: ca.SX, group: tuple[Condition, ...]) -> Terms:
             return Terms(symbols, c.p, 0.0, stacked(group))
 
-        def grouped(group: tuple[Condition, ...]) -> tuple[Terms, Array | None]:
-            shared = [each.instance for each in group if each.instance is not None]
-            if not shared:
-                return bounded(c.q, group), None
-            return shared[0].terms, np.stack([each.numbers for each in shared])
-
         energy = None
         if c.cost.is_zero() and (file := metric.kernels.file):
             try:
@@ -137,7 +131,7 @@ class PathTerms:
             conditions=c,
             energy=energy or Terms(state, c.p, metric.energy_density(c.q, c.v) + c.cost),
             at_ends=bounded(ca.vertcat(c.q0, c.q1, c.v0, c.v1), c.ends),
-            at_nodes=tuple(map(grouped, c.in_groups)),
+            at_nodes=tuple(c.groups),
             at_via=tuple(bounded(c.q, each) for each in c.via),
             in_segments=bounded(state, c.along_qv),
         )
@@ -155,10 +149,12 @@ class Transcription(ShortRepr):
     Attributes:
         terms: terms of the problem.
         grid: grid of the nodes, with equal segments.
+        s: parameters of the nodes, by which distances are part of the program or not.
     """
 
     terms: PathTerms
     grid: Grid
+    s: Array
     _shown = ("grid",)
 
     @property
@@ -252,12 +248,20 @@ class Transcription(ShortRepr):
                 jumps.append(block(jump, matrix, (ca.horzcat(zero, zero), units)))
         weights = ca.DM(quadrature.weights) / (steeper @ ca.DM.ones(1, len(rows))) / scale
         blocks = [states(terms.energy, rows, ca.vec(weights.T)), *ends, *via, *jumps]
-        for each, numbers in terms.at_nodes:
-            nodes = np.repeat(np.arange(grid.size), 1 if numbers is None else len(numbers))
-            of_group = positions(each, nodes.tolist())
-            if numbers is not None:
-                of_group = replace(of_group, values=np.tile(numbers, (grid.size, 1)))
-            blocks.append(of_group)
+        every = range(grid.size)
+        inner = {
+            each: replace(positions(each, every), values=None)
+            for each in dict.fromkeys(group.inner for group in terms.at_nodes)
+            if each is not None
+        }
+        for group in terms.at_nodes:
+            if group.inner is None:
+                blocks.append(positions(group.terms, every))
+                continue
+            nodes, own = group.at_nodes(self.s)
+            places = group.inner.size_g * nodes[:, None] + group.indices[own]
+            points = inner[group.inner]
+            blocks.append(Block(group.terms, places, group.numbers[own], inner=points))
         if terms.in_segments.size_g:
             at_own = np.stack([np.eye(grid.degree + 1), grid.differentiation[0]], axis=1)
             blocks.append(states(terms.in_segments, at_own))

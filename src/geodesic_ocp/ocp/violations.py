@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol, TypeAlias
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.conditions import Condition, Conditions, stacked
+from geodesic_ocp.ocp.conditions import CELLS, Condition, Conditions, cells_at, stacked
 from geodesic_ocp.trajectory.path import Path
 
 _PER_NODE = 4  # samples between two nodes
@@ -47,15 +49,15 @@ class PathSamples:
     """
 
     def __init__(self, conditions: Conditions) -> None:
-        c = conditions
-        self._all = (*c.bounds, *c.along_q, *c.along_qv)
+        c = self._conditions = conditions
+        in_groups = (each for group in c.groups for each in group.conditions)
+        self._all = (*c.bounds, *in_groups, *c.along_qv)
         self._ends = np.cumsum([condition.size for condition in self._all])[:-1]
         self.lower, self.upper = (
             np.concatenate([np.zeros(0), *(getattr(each, side) for each in self._all)])
             for side in ("lower", "upper")
         )
-        self._p, expressions = c.p_values, [stacked(self._all)]
-        self._function = ca.Function("along", [c.q, c.v, c.p], expressions)
+        self._in_qv = Terms(ca.vertcat(c.q, c.v), c.p, 0.0, stacked(c.along_qv))
         self._of_last = lru_cache(maxsize=1)(self._sampled)
 
     def __call__(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
@@ -76,9 +78,12 @@ class PathSamples:
         return s, list(zip(self._all, parts, strict=True))
 
     def _values(self, path: Path, s: Array) -> Array:
-        parameters = np.tile(self._p[:, None], s.size)
-        function = self._function.map(s.size)
-        return np.asarray(evaluate(function, path(s).T, path(s, 1).T, parameters))
+        c, q = self._conditions, path(s)
+        bounded = [q[:, list(each.coordinates or ())] for each in c.bounds]
+        found = [*bounded, *(group.values(q, c.p_values) for group in c.groups)]
+        if c.along_qv:
+            found.append(self._in_qv.at("value", np.hstack([q, path(s, 1)]), c.p_values)[1])
+        return np.hstack([np.zeros((s.size, 0)), *found]).T
 
 
 path_samples = lru_cache(maxsize=4)(PathSamples)
@@ -188,17 +193,47 @@ def violation_profile(conditions: Conditions) -> ViolationProfile:
     return profile
 
 
-def may_become_active(conditions: Conditions, path: Path) -> frozenset[str]:
-    """Return names of the conditions in q whose bounds a path violates or comes near, compared with
-    how much their values change along it.
+Kept: TypeAlias = Mapping[str, NDArray[np.bool_]]  # cells of s, by names of conditions
+
+
+def may_become_active(conditions: Conditions, path: Path) -> Kept:
+    """Return conditions in q, and cells, in which a path violates a bound or comes near, compared
+    with how much values change along it; with the cells beside these.
     """
-    _, found = path_samples(conditions)(path)
-    near = set()
+    s, found = path_samples(conditions)(path)
+    names, kept = {condition.name for condition in conditions.along_q}, {}
     for condition, values in found:
         excess = excess_over_bounds(condition, values)
-        if np.any(excess > -_MAY_CHANGE * np.ptp(values, axis=1, keepdims=True)):
-            near.add(condition.name)
-    return frozenset(near & {condition.name for condition in conditions.along_q})
+        near = np.any(excess > -_MAY_CHANGE * np.ptp(values, axis=1, keepdims=True), axis=0)
+        if condition.name in names and np.any(near):
+            own = np.zeros(CELLS + 2, dtype=bool)
+            for beside in range(3):
+                own[cells_at(s[near]) + beside] = True
+            kept[condition.name] = own[1:-1]
+    return kept
+
+
+def left_out(conditions: Conditions, kept: Kept, path: Path) -> Kept:
+    """Return conditions in q, and cells, in which a path violates a bound, but those kept."""
+    s, found = path_samples(conditions)(path)
+    names, missing = {condition.name for condition in conditions.along_q}, {}
+    for condition, values in found:
+        violated = np.any(excess_over_bounds(condition, values) > 0.0, axis=0)
+        own = np.zeros(CELLS, dtype=bool)
+        own[cells_at(s[violated])] = True
+        own &= ~kept.get(condition.name, np.zeros(CELLS, dtype=bool))
+        if condition.name in names and np.any(own):
+            missing[condition.name] = own
+    return missing
+
+
+def joined(*parts: Kept) -> Kept:
+    """Return the cells of all of these."""
+    found: dict[str, NDArray[np.bool_]] = {}
+    for part in parts:
+        for name, cells in part.items():
+            found[name] = found.get(name, False) | cells
+    return found
 
 
 # A condition, its values (m, k), and s (k,); None for a condition on both ends.
