@@ -430,7 +430,8 @@ def _distance_terms(is_point: bool, kind: type, moves: bool) -> Terms:
         start = symbols(listed, 3)
         if is_point:
             return LineSegment(start, ca.SX.zeros(3), ca.SX(0))
-        return LineSegment(start, symbols(listed, 3), symbols(numbers))
+        along = symbols(listed, 3)
+        return LineSegment(start, along, ca.sumsqr(along))
 
     one = segment(variables, is_point)
     if kind is HalfSpace:
@@ -455,23 +456,16 @@ def _distance_terms(is_point: bool, kind: type, moves: bool) -> Terms:
 
 def _numbers(body: Body, other: Obstacle) -> list[Array]:
     """Return the numbers of `_distance_terms` of a body and another; of a plane, for each end."""
-    own = _segment_numbers(body)[6:]
     if isinstance(other, HalfSpace):
         height = np.dot(other.normal, other.point)
         ends = [0.0] if _is_point(body) else [0.0, 1.0]
-        return [np.array([*own, *other.normal, each, height, body.radius]) for each in ends]
+        return [np.array([*other.normal, each, height, body.radius]) for each in ends]
     if isinstance(other, Box):
         turn = np.ravel(other.rotation, order="F")
-        return [np.array([*own, *other.size, *other.centre, *turn, body.radius])]
-    numbers = _segment_numbers(other)[6 if _moves(other) else 0 :]
-    return [np.array([*own, *numbers, body.radius + other.radius])]
-
-
-def _segment_numbers(body: Body) -> list[float]:
-    """Return start, vector to the end and its squared length, or of a point the start alone."""
-    start, end = (np.array(each) for each in (as_capsule(body).start, as_capsule(body).end))
-    along = end - start
-    return [*start, *([] if _is_point(body) else [*along, along @ along])]
+        return [np.array([*other.size, *other.centre, *turn, body.radius])]
+    start, end = (np.array(each) for each in (as_capsule(other).start, as_capsule(other).end))
+    numbers = [] if _moves(other) else [*start] if _is_point(other) else [*start, *(end - start)]
+    return [np.array([*numbers, body.radius + other.radius])]
 
 
 def _is_point(body: Obstacle) -> bool:
