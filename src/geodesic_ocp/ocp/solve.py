@@ -70,6 +70,10 @@ _WARM_START = {
     "max_iter": 40,
 }
 
+# Where new rows or nodes are violated by more than this, each in its unit, other conditions become
+# active, which is slow from the smallest barrier.
+_CHANGED, _MODERATE_BARRIER = 1e-3, 1e-5
+
 # Of more conditions in q than these, only those near their bounds are part of the first program.
 _FEW, _MOST_ROUNDS = 20, 20
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
@@ -366,7 +370,10 @@ class _Solver:
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
             if multipliers := _multipliers(nlp, guess):
-                found = self._solve_nlp(nlp, {**NEAR, **_WARM_START}, multipliers)
+                warm = {**NEAR, **_WARM_START}
+                if nlp.violation > _CHANGED:
+                    warm["mu_init"] = _MODERATE_BARRIER
+                found = self._solve_nlp(nlp, warm, multipliers)
                 if not found.stats.success and found.stats.status != STOPPED:
                     found = with_effort_of(found.stats, self._solve_nlp(nlp, NEAR))
             else:
