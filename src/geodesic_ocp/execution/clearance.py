@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from itertools import product
 from typing import Any
 
@@ -34,7 +34,7 @@ from geodesic_ocp.model.distances import (
 )
 from geodesic_ocp.model.link_solids import Pose
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import HalfSpace, Obstacle
+from geodesic_ocp.model.primitives import Capsule, HalfSpace, Obstacle
 from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 _REMEMBERED = 4096  # configurations, as paths are checked for many distances
@@ -52,6 +52,8 @@ class Clearance(ShortRepr):
             the distance of an index; None if it is not known.
         closer: whether that distance may be below a third argument [m], which takes a small part of
             the time of the distance; None: it has to be computed.
+        parts: the distances by the coordinates that they depend on, None where these are not known;
+            empty: of none.
     """
 
     function: ca.Function
@@ -59,6 +61,7 @@ class Clearance(ShortRepr):
     names: tuple[str, ...]
     exact: Callable[[Array, int], float] | None = None
     closer: Callable[[Array, int, float], bool] | None = None
+    parts: tuple[DistancePart | None, ...] = ()
     _shown = ("names", "lower", "dof")
 
     @property
@@ -76,6 +79,32 @@ class Clearance(ShortRepr):
             if not 0 <= index < len(self.names):
                 raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
         return _rows(self.function, indices)
+
+    def part(self, index: int) -> DistancePart:
+        """Return one of the distances by the coordinates that it depends on, or by all of them."""
+        known = self.parts[index] if self.parts else None
+        return known or DistancePart(self.row(index), tuple(range(self.dof)), np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
+class DistancePart:
+    """A distance by the coordinates that it depends on.
+
+    Attributes:
+        function: distance [m] at these coordinates and, if there are any, for these numbers: the
+            function of all capsules on the same two joints.
+        columns: indices of the coordinates in the configuration of all arms.
+        numbers: ends of the capsules, and what is taken off the distance of their segments [m].
+    """
+
+    function: ca.Function
+    columns: tuple[int, ...]
+    numbers: Array
+
+    def expression(self, q: ca.SX) -> ca.SX:
+        """Return the distance as an expression of the configuration of all arms."""
+        given = [q[list(self.columns)], *([self.numbers] if self.numbers.size else [])]
+        return ca.SX(self.function(*given))
 
 
 @lru_cache(maxsize=256)
@@ -119,14 +148,24 @@ def keep_clear(
     margin = as_number("margin", margin)
     placed, named, excess = _pairs(arms, pairs, placements, margin)
     q = ca.SX.sym("q", placed.dof)
-    segments = _segments(placed, q)
     distances: dict[str, ca.SX] = {}
     solids: list[tuple[PlacedSolid, PlacedSolid] | None] = []  # None: of a link and an obstacle
+    parts: list[DistancePart | None] = []
+    between = cache(partial(_between_joints, placed))
     for (one, other), wider in zip(named, excess, strict=True):
-        for (first, radius), (second, other_radius) in product(segments[one], segments[other]):
-            apart = segment_distance(first, second) - (radius + other_radius)
-            add_named(distances, f"{one} to {other}", apart + wider)
-            solids.append((placed.by_name[one], placed.by_name[other]))
+        both = placed.by_name[one], placed.by_name[other]
+        for capsules in product(*(each.solid.capsules for each in both)):
+            points = [list(dict.fromkeys((each.start, each.end))) for each in capsules]
+            counts = map(len, points)
+            function, columns = between(
+                *((each.arm, each.solid.joint, next(counts)) for each in both)
+            )
+            radii = sum(each.radius for each in capsules) - wider
+            numbers = np.concatenate([*map(np.ravel, points), [radii]])
+            parts.append(DistancePart(function, columns, numbers))
+            add_named(distances, f"{one} to {other}", parts[-1].expression(q))
+            solids.append(both)
+    segments = _segments(placed, q) if obstacles else {}
     moving = [each.name for each in placed.solids if each.moves]
     for number, obstacle in enumerate(obstacles):
         _check_obstacle(obstacle)
@@ -136,6 +175,7 @@ def keep_clear(
                 for *_, found in nearest_to_obstacle(segment, radius, obstacle):
                     add_named(distances, name, found)
                     solids.append(None)
+                    parts.append(None)
     if not distances:
         return None
     together = ca.cse(ca.vertcat(*distances.values()))
@@ -158,7 +198,7 @@ def keep_clear(
         return pair is None or is_closer_at(*pair, posed(at), 0, distance)
 
     lower = np.full(len(distances), margin)
-    return Clearance(function, lower, tuple(distances), exact, closer)
+    return Clearance(function, lower, tuple(distances), exact, closer, tuple(parts))
 
 
 def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
@@ -178,7 +218,47 @@ def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
         return part.closer is None or part.closer(at, index, distance)
 
     lower = np.concatenate([np.zeros(0), *(each.lower for each in parts)])
-    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact, closer)
+    names = tuple(part.names[index] for part, index in owners)
+    known = tuple(part.parts[index] if part.parts else None for part, index in owners)
+    return Clearance(function, lower, names, exact, closer, known)
+
+
+def _between_joints(
+    placed: PlacedSolids, one: tuple[int, int, int], other: tuple[int, int, int]
+) -> tuple[ca.Function, tuple[int, ...]]:
+    """Return the distance of capsules on two joints, and the columns of the coordinates between.
+
+    Args:
+        placed: the links.
+        one, other: index of the arm, of the joint in it, and number of points of the segment: one
+            of a ball, two of a capsule.
+    """
+    q, supports = ca.SX.sym("q", placed.dof), []
+    for arm, joint, _ in (one, other):
+        supports.append([(arm, each) for each in list(placed.models[arm].pin.supports[joint])[1:]])
+    common = set(supports[0]) & set(supports[1])
+    first = np.cumsum([0, *(model.dof for model in placed.models)])
+    locals_ = {
+        arm: joint_placements(placed.models[arm].pin, q[first[arm] : first[arm + 1]])
+        for arm in {one[0], other[0]}
+    }
+    segments, symbols, columns = [], [], set[int]()
+    for (arm, _, count), chain in zip((one, other), supports, strict=True):
+        at = Placement(*map(constant, placed.bases[arm]))
+        if one[0] == other[0]:  # in the frame of the last joint that moves both
+            at = Placement(ca.SX.eye(3), ca.SX.zeros(3))
+        for each in chain:
+            if each not in common:
+                at = at @ locals_[arm][each[1]]
+                columns.add(int(first[arm]) + placed.models[arm].pin.joints[each[1]].idx_v)
+        symbols.append(ca.SX.sym("x", 3, count))
+        ends = ca.horzsplit(symbols[-1])
+        capsule: Any = Capsule(ends[0], ends[-1], 1.0)  # type: ignore[arg-type]
+        segments.append(line_segment(capsule, at.rotation, at.translation))
+    radii, some = ca.SX.sym("r"), tuple(sorted(columns))
+    numbers = ca.vertcat(*map(ca.vec, symbols), radii)
+    apart = segment_distance(*segments) - radii
+    return ca.Function("distance", [q[list(some)], numbers], [apart]), some
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:

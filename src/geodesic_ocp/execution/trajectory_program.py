@@ -230,9 +230,10 @@ def _stretch() -> Terms:
 
 
 @lru_cache(maxsize=256)
-def _distance(row: ca.Function) -> Terms:
-    q = ca.SX.sym("q", row.size1_in(0))
-    return Terms(q, constraints=row(q))
+def _distance(function: ca.Function) -> Terms:
+    """Return a distance, see `DistancePart`."""
+    given = function.sx_in()
+    return Terms(*given, constraints=function(*given))
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,10 +394,15 @@ class TrajectoryProgram:
             if not self.rest:
                 yield (arm, "end speeds"), pieces, terms.end_speeds()
         for index, knots in watched.knots.items():
-            columns = np.hstack([terms.indices(knots, 1) for terms in self.terms])
+            part = self.clearance.part(index)
+            every = np.hstack([terms.indices(knots, 1) for terms in self.terms])
+            values = np.tile(part.numbers, (knots.size, 1))
             lower = watched.distances[knots, index, None]
-            upper, row = np.full_like(lower, np.inf), _distance(self.clearance.row(index))
-            yield ("distance", index), knots, Block(row, columns, None, lower, upper)
+            block = Block(
+                *(_distance(part.function), every[:, part.columns], values),
+                *(lower, np.full_like(lower, np.inf)),
+            )
+            yield ("distance", index), knots, block
 
     def _stretch(self, total: float) -> Block:
         """Get the time beyond the person's, and its square, so that no interval bears all of it."""
