@@ -32,6 +32,7 @@ from geodesic_ocp.model.distances import (
     nearest_to_obstacle,
     segment_distance,
 )
+from geodesic_ocp.model.joints import motion_subspace
 from geodesic_ocp.model.link_solids import Pose
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule, HalfSpace, Obstacle
@@ -83,7 +84,10 @@ class Clearance(ShortRepr):
     def part(self, index: int) -> DistancePart:
         """Return one of the distances by the coordinates that it depends on, or by all of them."""
         known = self.parts[index] if self.parts else None
-        return known or DistancePart(self.row(index), tuple(range(self.dof)), np.zeros(0))
+        if known is not None:
+            return known
+        columns, levers = tuple(range(self.dof)), np.full(self.dof, np.inf)
+        return DistancePart(self.row(index), columns, np.zeros(0), levers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +99,20 @@ class DistancePart:
             function of all capsules on the same two joints.
         columns: indices of the coordinates in the configuration of all arms.
         numbers: ends of the capsules, and what is taken off the distance of their segments [m].
+        levers: how far the links move relative to each other at most, by each coordinate (k,)
+            [m/rad] or [m/m]; infinite: it is not known.
     """
 
     function: ca.Function
     columns: tuple[int, ...]
     numbers: Array
+    levers: Array
+
+    def moved(self, q: Array, other: Array) -> Array:
+        """Return a bound of how far points of the links move relative to each other [m], (...)."""
+        difference = (q - other)[..., list(self.columns)]
+        # An unknown lever bounds nothing unless the coordinate stays.
+        return np.sum(np.abs(difference) * self.levers, axis=-1, where=difference != 0.0)
 
     def expression(self, q: ca.SX) -> ca.SX:
         """Return the distance as an expression of the configuration of all arms."""
@@ -157,12 +170,13 @@ def keep_clear(
         for capsules in product(*(each.solid.capsules for each in both)):
             points = [list(dict.fromkeys((each.start, each.end))) for each in capsules]
             counts = map(len, points)
-            function, columns = between(
+            function, columns, levers = between(
                 *((each.arm, each.solid.joint, next(counts)) for each in both)
             )
             radii = sum(each.radius for each in capsules) - wider
             numbers = np.concatenate([*map(np.ravel, points), [radii]])
-            parts.append(DistancePart(function, columns, numbers))
+            extents = np.array([each.solid.extent for each in both])
+            parts.append(DistancePart(function, columns, numbers, levers @ [*extents, 1.0]))
             add_named(distances, f"{one} to {other}", parts[-1].expression(q))
             solids.append(both)
     segments = _segments(placed, q) if obstacles else {}
@@ -225,8 +239,9 @@ def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
 
 def _between_joints(
     placed: PlacedSolids, one: tuple[int, int, int], other: tuple[int, int, int]
-) -> tuple[ca.Function, tuple[int, ...]]:
-    """Return the distance of capsules on two joints, and the columns of the coordinates between.
+) -> tuple[ca.Function, tuple[int, ...], Array]:
+    """Return the distance of capsules on two joints, the columns (k,) of the coordinates between,
+    and the levers (k, 3) by the extents of both links and by 1.
 
     Args:
         placed: the links.
@@ -242,15 +257,23 @@ def _between_joints(
         arm: joint_placements(placed.models[arm].pin, q[first[arm] : first[arm + 1]])
         for arm in {one[0], other[0]}
     }
-    segments, symbols, columns = [], [], set[int]()
-    for (arm, _, count), chain in zip((one, other), supports, strict=True):
+    segments, symbols, columns = [], [], dict[int, Array]()
+    for side, ((arm, _, count), chain) in enumerate(zip((one, other), supports, strict=True)):
+        model, length = placed.models[arm], np.eye(3)[side]
+        for _, joint in reversed([each for each in chain if each not in common]):
+            twist, column = motion_subspace(model.pin, joint), model.pin.joints[joint].idx_v
+            slide, turn = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+            columns[int(first[arm]) + column] = turn * length + [0.0, 0.0, slide]
+            far = float(np.linalg.norm(model.pin.jointPlacements[joint].translation))
+            if slide > 0.0:
+                far += slide * max(abs(model.lower[column]), abs(model.upper[column]))
+            length = length + [0.0, 0.0, far]
         at = Placement(*map(constant, placed.bases[arm]))
         if one[0] == other[0]:  # in the frame of the last joint that moves both
             at = Placement(ca.SX.eye(3), ca.SX.zeros(3))
         for each in chain:
             if each not in common:
                 at = at @ locals_[arm][each[1]]
-                columns.add(int(first[arm]) + placed.models[arm].pin.joints[each[1]].idx_v)
         symbols.append(ca.SX.sym("x", 3, count))
         ends = ca.horzsplit(symbols[-1])
         capsule: Any = Capsule(ends[0], ends[-1], 1.0)  # type: ignore[arg-type]
@@ -258,7 +281,8 @@ def _between_joints(
     radii, some = ca.SX.sym("r"), tuple(sorted(columns))
     numbers = ca.vertcat(*map(ca.vec, symbols), radii)
     apart = segment_distance(*segments) - radii
-    return ca.Function("distance", [q[list(some)], numbers], [apart]), some
+    function = ca.Function("distance", [q[list(some)], numbers], [apart])
+    return function, some, np.array([columns[each] for each in some])
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
@@ -383,11 +407,15 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
     if clearance.exact is None:
         return least, samples
     for row in np.flatnonzero(least < clearance.lower).tolist():
-        least[row] = np.inf
+        least[row], part = np.inf, clearance.part(row)
+        farther = np.zeros(len(q), dtype=bool)
         for sample in np.argsort(distances[row]).tolist():
-            if distances[row, sample] >= least[row]:
+            if max(distances[row, sample], 0.0) >= least[row]:
                 break  # the function is a lower bound: later samples are farther apart
-            exact = _exact_below(clearance, q[sample], row, float(least[row]))
+            if farther[sample]:
+                continue
+            exact = clearance.exact(q[sample], row)
             if exact < least[row]:
                 least[row], samples[row] = exact, sample
+            farther |= part.moved(q, q[sample]) <= exact - least[row]
     return least, samples
