@@ -90,8 +90,8 @@ class Clearance(ShortRepr):
         return DistancePart(self.row(index), columns, np.zeros(0), levers)
 
 
-@dataclass(frozen=True, eq=False)
-class DistancePart:
+@dataclass(frozen=True, eq=False, repr=False)
+class DistancePart(ShortRepr):
     """A distance by the coordinates that it depends on.
 
     Attributes:
@@ -107,17 +107,18 @@ class DistancePart:
     columns: tuple[int, ...]
     numbers: Array
     levers: Array
+    _shown = ("columns",)
 
     def moved(self, q: Array, other: Array) -> Array:
         """Return a bound of how far points of the links move relative to each other [m], (...)."""
-        difference = (q - other)[..., list(self.columns)]
-        # An unknown lever bounds nothing unless the coordinate stays.
-        return np.sum(np.abs(difference) * self.levers, axis=-1, where=difference != 0.0)
+        steps = np.abs(q - other)[..., list(self.columns)]
+        moves = steps > 0.0  # an infinite lever bounds nothing unless the coordinate stays
+        by_each = np.multiply(steps, self.levers, where=moves, out=np.zeros(steps.shape))
+        return np.asarray(by_each.sum(axis=-1))
 
     def expression(self, q: ca.SX) -> ca.SX:
         """Return the distance as an expression of the configuration of all arms."""
-        given = [q[list(self.columns)], *([self.numbers] if self.numbers.size else [])]
-        return ca.SX(self.function(*given))
+        return ca.SX(self.function(q[list(self.columns)], self.numbers))
 
 
 @lru_cache(maxsize=256)
@@ -176,8 +177,9 @@ def keep_clear(
             radii = sum(each.radius for each in capsules) - wider
             numbers = np.concatenate([*map(np.ravel, points), [radii]])
             extents = np.array([each.solid.extent for each in both])
-            parts.append(DistancePart(function, columns, numbers, levers @ [*extents, 1.0]))
-            add_named(distances, f"{one} to {other}", parts[-1].expression(q))
+            part = DistancePart(function, columns, numbers, levers @ [*extents, 1.0])
+            parts.append(part)
+            add_named(distances, f"{one} to {other}", part.expression(q))
             solids.append(both)
     segments = _segments(placed, q) if obstacles else {}
     moving = [each.name for each in placed.solids if each.moves]
@@ -263,11 +265,11 @@ def _between_joints(
         for _, joint in reversed([each for each in chain if each not in common]):
             twist, column = motion_subspace(model.pin, joint), model.pin.joints[joint].idx_v
             slide, turn = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
-            columns[int(first[arm]) + column] = turn * length + [0.0, 0.0, slide]
+            columns[int(first[arm]) + column] = turn * length + slide * np.eye(3)[2]
             far = float(np.linalg.norm(model.pin.jointPlacements[joint].translation))
             if slide > 0.0:
                 far += slide * max(abs(model.lower[column]), abs(model.upper[column]))
-            length = length + [0.0, 0.0, far]
+            length[2] += far
         at = Placement(*map(constant, placed.bases[arm]))
         if one[0] == other[0]:  # in the frame of the last joint that moves both
             at = Placement(ca.SX.eye(3), ca.SX.zeros(3))

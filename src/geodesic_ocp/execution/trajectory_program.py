@@ -232,8 +232,8 @@ def _stretch() -> Terms:
 @lru_cache(maxsize=256)
 def _distance(function: ca.Function) -> Terms:
     """Return a distance, see `DistancePart`."""
-    given = function.sx_in()
-    return Terms(*given, constraints=function(*given))
+    q, *numbers = function.sx_in()
+    return Terms(q, ca.vertcat(ca.SX(0, 1), *numbers), 0.0, function(q, *numbers))
 
 
 @dataclass(frozen=True, eq=False)

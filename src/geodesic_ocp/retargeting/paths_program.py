@@ -57,7 +57,7 @@ def positions_at(parts: Sequence[ArmPart], nodes: Sequence[Array], times: Array)
 
 
 def places_at(parts: Sequence[ArmPart], size: int, times: Array) -> scipy.sparse.csr_array:
-    """Return the matrix (k N, size) from the program's variables to all joints at times (k,) [s]."""
+    """Return the matrix (k N, size) from the variables to all joints at times (k,) [s]."""
     dof, first, column = sum(part.dof for part in parts), 0, 0
     found = []
     for part in parts:
@@ -69,11 +69,10 @@ def places_at(parts: Sequence[ArmPart], size: int, times: Array) -> scipy.sparse
         joints = np.arange(part.dof)[:, None, None]
         rows = dof * np.arange(s.size)[:, None] + column + joints
         places = first + part.dof * nodes + joints
-        entries = np.broadcast_arrays(basis, rows, places)
-        found.append([each.ravel() for each in entries])
+        found.append([each.ravel() for each in np.broadcast_arrays(basis, rows, places)])
         first, column = first + part.size, column + part.dof
-    entries, rows, columns = map(np.concatenate, zip(*found, strict=True))
-    return scipy.sparse.csr_array((entries, (rows, columns)), (dof * times.size, size))
+    entries, at, columns = map(np.concatenate, zip(*found, strict=True))
+    return scipy.sparse.csr_array((entries, (at, columns)), (dof * times.size, size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,4 +399,5 @@ def _distance(function: ca.Function) -> Terms:
     """Return a distance, see `DistancePart`, and its slack."""
     q, *numbers = function.sx_in()
     slack = ca.SX.sym("slack")
-    return Terms(ca.vertcat(q, slack), *numbers, constraints=function(q, *numbers) + slack)
+    given = ca.vertcat(q, slack), ca.vertcat(ca.SX(0, 1), *numbers)
+    return Terms(*given, 0.0, function(q, *numbers) + slack)
