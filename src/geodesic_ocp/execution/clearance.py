@@ -118,7 +118,8 @@ class DistancePart(ShortRepr):
 
     def expression(self, q: ca.SX) -> ca.SX:
         """Return the distance as an expression of the configuration of all arms."""
-        return ca.SX(self.function(q[list(self.columns)], self.numbers))
+        given = q[list(self.columns)], self.numbers
+        return ca.SX(self.function(*given[: self.function.n_in()]))
 
 
 @lru_cache(maxsize=256)
