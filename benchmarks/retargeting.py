@@ -86,13 +86,14 @@ def main() -> None:
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     compared: list[dict[str, MotionMeasures]] = []
+    models = {robot: go.load_model(robot) for robot in options.robots}
     for name, analysis in _recordings(options.files):
         for robot in options.robots:
             row = {"recording": name, "robot": robot, "failure": ""}
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")  # about the file, and poses out of reach
-                    row |= _run(analysis, robot, options, compared)
+                    row |= _run(analysis, models[robot], options, compared)
             except (go.NotConverged, ValueError) as error:
                 traceback.print_exc()  # the other pairs are still to be measured
                 row["failure"] = f"{type(error).__name__}: {error}"
@@ -129,13 +130,13 @@ def _read(file: Path, side: Any) -> go.Analysis:
 
 def _run(
     analysis: go.Analysis,
-    name: str,
+    model: go.Model,
     options: argparse.Namespace,
     compared: list[dict[str, MotionMeasures]],
 ) -> dict[str, Any]:
     """One row of the table; measures are added to `compared`."""
     begin = time.process_time()
-    found = go.retarget(analysis, go.load_model(name), tolerance=options.tolerance, throw=False)
+    found = go.retarget(analysis, model, tolerance=options.tolerance, throw=False)
     row: dict[str, Any] = {"seconds": time.process_time() - begin}
     (arm,), planned = found.arms, found.planned
     robot, limits, gravity = arm.robot, arm.limits, arm.gravity

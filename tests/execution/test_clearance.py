@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations, pairwise
 
+import casadi as ca
 import numpy as np
 import pytest
 from installed_robots import needs_robots
@@ -126,6 +127,8 @@ def test_rows_are_the_whole_function(arms: tuple[go.Model, go.Model]) -> None:
     whole = clearance.function(q).full()[:, 0]
     rows = [float(clearance.row(index)(q)) for index in range(len(clearance.names))]
     assert_allclose(rows, whole, atol=1e-12)
+    parts = map(clearance.part, range(len(clearance.names)))
+    assert_allclose([float(part.expression(ca.SX(q))) for part in parts], whole, atol=1e-12)
     assert_allclose(clearance.row(2, 0)(q).full()[:, 0], whole[[2, 0]], atol=1e-12)
     assert clearance.row(0) is clearance.row(0)
     assert clearance.row(0).n_instructions() < clearance.function.n_instructions()
@@ -264,6 +267,19 @@ def test_the_least_exact_distance_of_a_trajectory_is_that_of_all_samples(
     assert report.pair == (report.closest[0].one, report.closest[0].other)
     assert f"least={report.least:.6g}" in repr(report)
     assert len(rows_of_table(report.table())) == len(report.closest) == report.pairs
+
+
+def test_distances_change_by_no_more_than_links_move(arms: tuple[go.Model, go.Model]) -> None:
+    clearance = keep_clear(arms, placements=SHOULDERS)
+    assert clearance is not None
+    assert clearance.exact is not None
+    q = sampled_configurations(arms, 16)
+    q[1::2] = q[::2] + (q[1::2] - q[::2]) / 20  # nearby, for the bound to tell something
+    for index in range(len(clearance.names)):
+        apart = np.array([clearance.exact(each, index) for each in q])
+        moved = clearance.part(index).moved(q[::2], q[1::2])
+        assert np.all(np.abs(apart[1::2] - apart[::2]) <= moved + 1e-9)
+        assert np.all(moved < 1.0)
 
 
 def test_links_that_touch_are_at_distance_zero(robot: go.Model, found: LinkPairs) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from itertools import product
 from typing import Any
 
@@ -32,9 +32,10 @@ from geodesic_ocp.model.distances import (
     nearest_to_obstacle,
     segment_distance,
 )
+from geodesic_ocp.model.joints import motion_subspace
 from geodesic_ocp.model.link_solids import Pose
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import HalfSpace, Obstacle
+from geodesic_ocp.model.primitives import Capsule, HalfSpace, Obstacle
 from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 _REMEMBERED = 4096  # configurations, as paths are checked for many distances
@@ -52,6 +53,8 @@ class Clearance(ShortRepr):
             the distance of an index; None if it is not known.
         closer: whether that distance may be below a third argument [m], which takes a small part of
             the time of the distance; None: it has to be computed.
+        parts: the distances by the coordinates that they depend on, None where these are not known;
+            empty: of none.
     """
 
     function: ca.Function
@@ -59,6 +62,7 @@ class Clearance(ShortRepr):
     names: tuple[str, ...]
     exact: Callable[[Array, int], float] | None = None
     closer: Callable[[Array, int, float], bool] | None = None
+    parts: tuple[DistancePart | None, ...] = ()
     _shown = ("names", "lower", "dof")
 
     @property
@@ -76,6 +80,46 @@ class Clearance(ShortRepr):
             if not 0 <= index < len(self.names):
                 raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
         return _rows(self.function, indices)
+
+    def part(self, index: int) -> DistancePart:
+        """Return one of the distances by the coordinates that it depends on, or by all of them."""
+        known = self.parts[index] if self.parts else None
+        if known is not None:
+            return known
+        columns, levers = tuple(range(self.dof)), np.full(self.dof, np.inf)
+        return DistancePart(self.row(index), columns, np.zeros(0), levers)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DistancePart(ShortRepr):
+    """A distance by the coordinates that it depends on.
+
+    Attributes:
+        function: distance [m] at these coordinates and, if there are any, for these numbers: the
+            function of all capsules on the same two joints.
+        columns: indices of the coordinates in the configuration of all arms.
+        numbers: ends of the capsules, and what is taken off the distance of their segments [m].
+        levers: how far the links move relative to each other at most, by each coordinate (k,)
+            [m/rad] or [m/m]; infinite: it is not known.
+    """
+
+    function: ca.Function
+    columns: tuple[int, ...]
+    numbers: Array
+    levers: Array
+    _shown = ("columns",)
+
+    def moved(self, q: Array, other: Array) -> Array:
+        """Return a bound of how far points of the links move relative to each other [m], (...)."""
+        steps = np.abs(q - other)[..., list(self.columns)]
+        moves = steps > 0.0  # an infinite lever bounds nothing unless the coordinate stays
+        by_each = np.multiply(steps, self.levers, where=moves, out=np.zeros(steps.shape))
+        return np.asarray(by_each.sum(axis=-1))
+
+    def expression(self, q: ca.SX) -> ca.SX:
+        """Return the distance as an expression of the configuration of all arms."""
+        given = q[list(self.columns)], self.numbers
+        return ca.SX(self.function(*given[: self.function.n_in()]))
 
 
 @lru_cache(maxsize=256)
@@ -119,14 +163,26 @@ def keep_clear(
     margin = as_number("margin", margin)
     placed, named, excess = _pairs(arms, pairs, placements, margin)
     q = ca.SX.sym("q", placed.dof)
-    segments = _segments(placed, q)
     distances: dict[str, ca.SX] = {}
     solids: list[tuple[PlacedSolid, PlacedSolid] | None] = []  # None: of a link and an obstacle
+    parts: list[DistancePart | None] = []
+    between = cache(partial(_between_joints, placed))
     for (one, other), wider in zip(named, excess, strict=True):
-        for (first, radius), (second, other_radius) in product(segments[one], segments[other]):
-            apart = segment_distance(first, second) - (radius + other_radius)
-            add_named(distances, f"{one} to {other}", apart + wider)
-            solids.append((placed.by_name[one], placed.by_name[other]))
+        both = placed.by_name[one], placed.by_name[other]
+        for capsules in product(*(each.solid.capsules for each in both)):
+            points = [list(dict.fromkeys((each.start, each.end))) for each in capsules]
+            counts = map(len, points)
+            function, columns, levers = between(
+                *((each.arm, each.solid.joint, next(counts)) for each in both)
+            )
+            radii = sum(each.radius for each in capsules) - wider
+            numbers = np.concatenate([*map(np.ravel, points), [radii]])
+            extents = np.array([each.solid.extent for each in both])
+            part = DistancePart(function, columns, numbers, levers @ [*extents, 1.0])
+            parts.append(part)
+            add_named(distances, f"{one} to {other}", part.expression(q))
+            solids.append(both)
+    segments = _segments(placed, q) if obstacles else {}
     moving = [each.name for each in placed.solids if each.moves]
     for number, obstacle in enumerate(obstacles):
         _check_obstacle(obstacle)
@@ -136,6 +192,7 @@ def keep_clear(
                 for *_, found in nearest_to_obstacle(segment, radius, obstacle):
                     add_named(distances, name, found)
                     solids.append(None)
+                    parts.append(None)
     if not distances:
         return None
     together = ca.cse(ca.vertcat(*distances.values()))
@@ -158,7 +215,7 @@ def keep_clear(
         return pair is None or is_closer_at(*pair, posed(at), 0, distance)
 
     lower = np.full(len(distances), margin)
-    return Clearance(function, lower, tuple(distances), exact, closer)
+    return Clearance(function, lower, tuple(distances), exact, closer, tuple(parts))
 
 
 def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
@@ -178,7 +235,57 @@ def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
         return part.closer is None or part.closer(at, index, distance)
 
     lower = np.concatenate([np.zeros(0), *(each.lower for each in parts)])
-    return Clearance(function, lower, tuple(part.names[k] for part, k in owners), exact, closer)
+    names = tuple(part.names[index] for part, index in owners)
+    known = tuple(part.parts[index] if part.parts else None for part, index in owners)
+    return Clearance(function, lower, names, exact, closer, known)
+
+
+def _between_joints(
+    placed: PlacedSolids, one: tuple[int, int, int], other: tuple[int, int, int]
+) -> tuple[ca.Function, tuple[int, ...], Array]:
+    """Return the distance of capsules on two joints, the columns (k,) of the coordinates between,
+    and the levers (k, 3) by the extents of both links and by 1.
+
+    Args:
+        placed: the links.
+        one, other: index of the arm, of the joint in it, and number of points of the segment: one
+            of a ball, two of a capsule.
+    """
+    q, supports = ca.SX.sym("q", placed.dof), []
+    for arm, joint, _ in (one, other):
+        supports.append([(arm, each) for each in list(placed.models[arm].pin.supports[joint])[1:]])
+    common = set(supports[0]) & set(supports[1])
+    first = np.cumsum([0, *(model.dof for model in placed.models)])
+    locals_ = {
+        arm: joint_placements(placed.models[arm].pin, q[first[arm] : first[arm + 1]])
+        for arm in {one[0], other[0]}
+    }
+    segments, symbols, columns = [], [], dict[int, Array]()
+    for side, ((arm, _, count), chain) in enumerate(zip((one, other), supports, strict=True)):
+        model, length = placed.models[arm], np.eye(3)[side]
+        for _, joint in reversed([each for each in chain if each not in common]):
+            twist, column = motion_subspace(model.pin, joint), model.pin.joints[joint].idx_v
+            slide, turn = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+            columns[int(first[arm]) + column] = turn * length + slide * np.eye(3)[2]
+            far = float(np.linalg.norm(model.pin.jointPlacements[joint].translation))
+            if slide > 0.0:
+                far += slide * max(abs(model.lower[column]), abs(model.upper[column]))
+            length[2] += far
+        at = Placement(*map(constant, placed.bases[arm]))
+        if one[0] == other[0]:  # in the frame of the last joint that moves both
+            at = Placement(ca.SX.eye(3), ca.SX.zeros(3))
+        for each in chain:
+            if each not in common:
+                at = at @ locals_[arm][each[1]]
+        symbols.append(ca.SX.sym("x", 3, count))
+        ends = ca.horzsplit(symbols[-1])
+        capsule: Any = Capsule(ends[0], ends[-1], 1.0)  # type: ignore[arg-type]
+        segments.append(line_segment(capsule, at.rotation, at.translation))
+    radii, some = ca.SX.sym("r"), tuple(sorted(columns))
+    numbers = ca.vertcat(*map(ca.vec, symbols), radii)
+    apart = segment_distance(*segments) - radii
+    function = ca.Function("distance", [q[list(some)], numbers], [apart])
+    return function, some, np.array([columns[each] for each in some])
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
@@ -303,11 +410,15 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
     if clearance.exact is None:
         return least, samples
     for row in np.flatnonzero(least < clearance.lower).tolist():
-        least[row] = np.inf
+        least[row], part = np.inf, clearance.part(row)
+        farther = np.zeros(len(q), dtype=bool)
         for sample in np.argsort(distances[row]).tolist():
-            if distances[row, sample] >= least[row]:
+            if max(distances[row, sample], 0.0) >= least[row]:
                 break  # the function is a lower bound: later samples are farther apart
-            exact = _exact_below(clearance, q[sample], row, float(least[row]))
+            if farther[sample]:
+                continue
+            exact = clearance.exact(q[sample], row)
             if exact < least[row]:
                 least[row], samples[row] = exact, sample
+            farther |= part.moved(q, q[sample]) <= exact - least[row]
     return least, samples

@@ -146,14 +146,18 @@ def _kind(
     many: Callable[[], Sequence[Pose]],
 ) -> tuple[str, float]:
     """Return how a pair is treated, and the excess."""
-    distances, touching = _compared(one, other, few, 0.0)
+    distances = capsule_distances(one, other, few).min(axis=0)
+    if np.mean(distances < margin) <= _SOME and not _one_joint_apart(one, other):
+        return "constrained", 0.0  # whichever of them touch
+    touching = _closer(one, other, few, distances, 0.0)
     if touching.mean() >= _ALWAYS:
         return "in_contact", 0.0
     if not touching.any() and _one_joint_apart(one, other):
         return "apart", 0.0
     if np.mean((distances < margin) & ~touching) <= _SOME:
         return "constrained", 0.0
-    distances, close = _compared(one, other, many(), margin)
+    distances = capsule_distances(one, other, many()).min(axis=0)
+    close = _closer(one, other, many(), distances, margin)
     if close.sum() < _ENOUGH:
         return "exact_only", 0.0
     excess = _KEPT * max(0.0, margin - float(distances[close].max()))
@@ -161,15 +165,14 @@ def _kind(
     return ("exact_only" if excluded > _MANY else "constrained"), excess
 
 
-def _compared(
-    one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], margin: float
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return distances (k,) [m] of the capsules, and where the links are closer than the margin."""
-    distances = capsule_distances(one, other, poses).min(axis=0)
+def _closer(
+    one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], distances: Array, margin: float
+) -> NDArray[np.bool_]:
+    """Return where the links (k,) are closer than the margin, from the distances of capsules."""
     close = np.zeros(len(distances), dtype=bool)
     for k in np.flatnonzero(distances <= margin).tolist():
         close[k] = is_closer_at(one, other, poses, k, margin)
-    return distances, close
+    return close
 
 
 def _one_joint_apart(one: PlacedSolid, other: PlacedSolid) -> bool:

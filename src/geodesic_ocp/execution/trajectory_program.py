@@ -152,11 +152,13 @@ class ArmTerms(Course):
     def torques(self, knots: Indices, shares: Array) -> Block:
         """Return torques at some of the knots (k,), within shares (k, n) of their limits."""
         arm, limit = self.arm, self.arm.limits.torque
-        units = (
-            tuple(each.tolist()) for each in (*self.units[1:3], limit, np.asarray(arm.gravity))
+        limited = np.flatnonzero(np.isfinite(limit))
+        units = np.concatenate([*self.units[1:3], limit[limited], np.ravel(arm.gravity)])
+        upper = shares[:, limited]
+        return Block(
+            *(_torques(arm.robot, tuple(limited.tolist())), self.indices(knots)),
+            *(np.tile(units, (knots.size, 1)), -upper, upper),
         )
-        upper = shares[:, np.isfinite(limit)]
-        return Block(_torques(arm.robot, *units), self.indices(knots), None, -upper, upper)
 
     def end_speeds(self) -> Block:
         """Return squared differences of the velocities at both ends from the person's progress."""
@@ -202,18 +204,13 @@ def _between_knots(kind: str) -> Terms:
 
 
 @lru_cache(maxsize=16)
-def _torques(
-    robot: Model,
-    speed: tuple[float, ...],
-    growth: tuple[float, ...],
-    limit: tuple[float, ...],
-    gravity: tuple[float, ...],
-) -> Terms:
-    z = ca.SX.sym("z", 3 * robot.dof)
-    q, v, a = ca.vertsplit(z, robot.dof)
-    force = robot.inverse_dynamics(q, v * ca.DM(speed), a * ca.DM(growth), ca.SX(ca.DM(gravity)))
-    limited = np.flatnonzero(np.isfinite(limit)).tolist()
-    return Terms(z, constraints=force[limited] / ca.DM(limit)[limited])
+def _torques(robot: Model, limited: tuple[int, ...]) -> Terms:
+    n, count = robot.dof, len(limited)
+    z, p = ca.SX.sym("z", 3 * n), ca.SX.sym("p", 2 * n + count + 3)
+    q, v, a = ca.vertsplit(z, n)
+    speed, growth, limit, gravity = ca.vertsplit(p, np.cumsum([0, n, n, count, 3]).tolist())
+    force = robot.inverse_dynamics(q, v * speed, a * growth, gravity)
+    return Terms(z, p, 0.0, force[list(limited)] / limit)
 
 
 @lru_cache(maxsize=16)
@@ -230,9 +227,10 @@ def _stretch() -> Terms:
 
 
 @lru_cache(maxsize=256)
-def _distance(row: ca.Function) -> Terms:
-    q = ca.SX.sym("q", row.size1_in(0))
-    return Terms(q, constraints=row(q))
+def _distance(function: ca.Function) -> Terms:
+    """Return a distance, see `DistancePart`."""
+    q, *numbers = function.sx_in()
+    return Terms(q, ca.vertcat(ca.SX(0, 1), *numbers), 0.0, function(q, *numbers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,10 +391,15 @@ class TrajectoryProgram:
             if not self.rest:
                 yield (arm, "end speeds"), pieces, terms.end_speeds()
         for index, knots in watched.knots.items():
-            columns = np.hstack([terms.indices(knots, 1) for terms in self.terms])
+            part = self.clearance.part(index)
+            every = np.hstack([terms.indices(knots, 1) for terms in self.terms])
+            values = np.tile(part.numbers, (knots.size, 1))
             lower = watched.distances[knots, index, None]
-            upper, row = np.full_like(lower, np.inf), _distance(self.clearance.row(index))
-            yield ("distance", index), knots, Block(row, columns, None, lower, upper)
+            block = Block(
+                *(_distance(part.function), every[:, part.columns], values),
+                *(lower, np.full_like(lower, np.inf)),
+            )
+            yield ("distance", index), knots, block
 
     def _stretch(self, total: float) -> Block:
         """Get the time beyond the person's, and its square, so that no interval bears all of it."""

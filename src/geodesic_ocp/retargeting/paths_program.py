@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import groupby, pairwise
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -56,20 +56,23 @@ def positions_at(parts: Sequence[ArmPart], nodes: Sequence[Array], times: Array)
     return np.hstack(found)
 
 
-def place_at(parts: Sequence[ArmPart], size: int, time: float) -> scipy.sparse.coo_array:
-    """Return the matrix (N, size) from the program's variables to all joints at one time [s]."""
-    blocks = []
+def places_at(parts: Sequence[ArmPart], size: int, times: Array) -> scipy.sparse.csr_array:
+    """Return the matrix (k N, size) from the variables to all joints at times (k,) [s]."""
+    dof, first, column = sum(part.dof for part in parts), 0, 0
+    found = []
     for part in parts:
-        grid = part.grid
-        (s,) = own_time(part, np.array([time]))
-        segment = int(np.searchsorted(grid.breakpoints[1:-1], s, "right"))
-        basis = np.zeros((grid.segments, grid.degree + 1, grid.degree + 1))
-        basis[segment] = np.eye(grid.degree + 1)
-        row = np.zeros(grid.size)
-        row[grid.degree * segment + np.arange(grid.degree + 1)] = grid.interpolate(basis, [s])[0]
-        blocks.append(scipy.sparse.kron(row[None], np.eye(part.dof)))
-    places = scipy.sparse.block_diag(blocks, format="coo")
-    return scipy.sparse.coo_array((places.data, (places.row, places.col)), (places.shape[0], size))
+        grid, s = part.grid, own_time(part, times)
+        every = np.arange(grid.degree + 1)
+        basis = grid.interpolate(np.tile(np.eye(every.size), (grid.segments, 1, 1)), s)
+        segment = np.searchsorted(grid.breakpoints[1:-1], s, "right")
+        nodes = grid.degree * segment[:, None] + every
+        joints = np.arange(part.dof)[:, None, None]
+        rows = dof * np.arange(s.size)[:, None] + column + joints
+        places = first + part.dof * nodes + joints
+        found.append([each.ravel() for each in np.broadcast_arrays(basis, rows, places)])
+        first, column = first + part.size, column + part.dof
+    entries, at, columns = map(np.concatenate, zip(*found, strict=True))
+    return scipy.sparse.csr_array((entries, (at, columns)), (dof * times.size, size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,21 +306,42 @@ class MotionProgram:
             both = scipy.sparse.hstack([by_nodes, -by_time, slack], format="csr")
             lower, upper = np.full((rows, 1), -np.inf), np.ones((rows, 1))
             blocks.append(Block(_identity(), both, None, lower, upper))
-        return BlockProgram(self.size, blocks + self._distances())
+        return BlockProgram(self.size, blocks + (self._distances() if self.rows else []))
+
+    @cached_property
+    def _groups(self) -> dict[ca.Function, list[tuple[int, float]]]:
+        """The distances by their functions, in order."""
+        found: dict[ca.Function, list[tuple[int, float]]] = {}
+        for row in sorted(self.rows):
+            found.setdefault(self.clearance.part(row[0]).function, []).append(row)
+        return found
+
+    def _lower_distances(self) -> Array:
+        """Lower bounds of the distances, in the order of their slacks."""
+        return np.array([self.rows[row] for group in self._groups.values() for row in group])
 
     def _distances(self) -> list[Block]:
-        blocks, order = [], sorted(self.rows)
-        unit = scipy.sparse.eye_array(self.size, format="csr")
-        at = {time: place_at(self.parts, self.size, time) for _, time in self.rows}
-        for number, group in groupby(enumerate(order, self.offsets[-1]), key=lambda row: row[1][0]):
-            matrices, lower = [], []
-            for slack, row in group:
-                matrices += [at[row[1]], unit[[slack]]]
-                lower.append([self.rows[row]])
-            places = scipy.sparse.vstack(matrices, format="csr")
-            terms = _distance(self.clearance.row(number))
-            upper = np.full_like(lower, np.inf)
-            blocks.append(Block(terms, places, None, np.array(lower), upper))
+        times = {time: number for number, time in enumerate({time for _, time in self.rows})}
+        every = places_at(self.parts, self.size, np.array(list(times)))
+        dof, slack = self.clearance.dof, every.shape[0]
+        every = scipy.sparse.vstack(
+            [every, scipy.sparse.eye_array(self.size, format="csr")[self.offsets[-1] :]], "csr"
+        )
+        blocks = []
+        for function, group in self._groups.items():
+            places, values = [], []
+            for number, time in group:
+                part = self.clearance.part(number)
+                places.append([*(dof * times[time] + np.array(part.columns)), slack])
+                values.append(part.numbers)
+                slack += 1
+            lower = np.array([[self.rows[row]] for row in group])
+            blocks.append(
+                Block(
+                    *(_distance(function), every[np.ravel(places)], np.array(values)),
+                    *(lower, np.full_like(lower, np.inf)),
+                )
+            )
         return blocks
 
     @cached_property
@@ -341,9 +365,7 @@ class MotionProgram:
         x = np.concatenate([x, sigma, np.zeros(len(self.rows))])
         if self.rows:
             g = self.program.functions["nlp"](x, [])[1].full()[-len(self.rows) :, 0]
-            x[self.offsets[-1] :] = np.maximum(
-                [self.rows[each] for each in sorted(self.rows)] - g, 0
-            )
+            x[self.offsets[-1] :] = np.maximum(self._lower_distances() - g, 0.0)
         return x
 
     def solve(self, start: Array, near: bool = False) -> Outcome:
@@ -373,7 +395,9 @@ def _identity() -> Terms:
 
 
 @lru_cache(maxsize=256)
-def _distance(row: ca.Function) -> Terms:
-    """Return a distance and its slack."""
-    q, slack = ca.SX.sym("q", row.size1_in(0)), ca.SX.sym("slack")
-    return Terms(ca.vertcat(q, slack), constraints=row(q) + slack)
+def _distance(function: ca.Function) -> Terms:
+    """Return a distance, see `DistancePart`, and its slack."""
+    q, *numbers = function.sx_in()
+    slack = ca.SX.sym("slack")
+    given = ca.vertcat(q, slack), ca.vertcat(ca.SX(0, 1), *numbers)
+    return Terms(*given, 0.0, function(q, *numbers) + slack)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
@@ -222,6 +223,7 @@ _WITHIN = 1e-4  # [m] and [rad]
 _STARTS, _STEPS = 20, 40
 _FEW_STARTS, _FEW_STEPS = 6, 20  # of a mounting that is tried
 _MOST_POSES = 24  # for which mountings are tried
+_TOGETHER = 8  # mountings that are tried at once
 
 
 @dataclass(frozen=True)
@@ -362,10 +364,16 @@ def _best(
     turned = np.tile(np.eye(3), (len(positions), 1, 1)) if rotations is None else rotations
     person = alignment.to_person(turned, positions)
 
-    def within_reach(mounting: Mounting, some: Indices, starts: Array, steps: int) -> int:
-        mapped, placed = mounting.poses(*(each[some] for each in person))
+    def within_reach(
+        several: Sequence[Mounting], some: Indices, starts: Array, steps: int
+    ) -> NDArray[np.int64]:
+        """Return the numbers of poses within reach, found together for several mountings."""
+        poses = [mounting.poses(*(each[some] for each in person)) for mounting in several]
+        mapped, placed = map(np.concatenate, zip(*poses, strict=True))
         wanted = None if rotations is None else mapped
-        return int(_attained(nearest_poses(robot, wanted, placed, starts, steps)).sum())
+        every = np.tile(starts, (len(several), 1, 1))
+        attained = _attained(nearest_poses(robot, wanted, placed, every, steps))
+        return np.asarray(attained.reshape(len(several), -1).sum(axis=1))
 
     # Poses as far from reach as possible decide; the others are nearly always kept.
     order = np.argsort(-(found.distances + found.angles), kind="stable")[:_MOST_POSES]
@@ -377,15 +385,18 @@ def _best(
     far = found.distances > _WITHIN
     missed = (positions - nearest)[far].mean(axis=0) if np.any(far) else np.zeros(3)
     best, most = None, -1
-    for mounting in mountings(alignment, missed):
-        number = within_reach(mounting, order, starts, _FEW_STEPS)
-        if number > most:
-            best, most = mounting, number
+    tried = mountings(alignment, missed)
+    for first in range(0, len(tried), _TOGETHER):
+        several = tried[first : first + _TOGETHER]
+        numbers = within_reach(several, order, starts, _FEW_STEPS)
+        if numbers.max() > most:
+            best, most = several[numbers.argmax()], int(numbers.max())
         if most == len(order):
             break
     assert best is not None
     every = np.arange(len(positions))
-    return best, within_reach(best, every, _random_starts(robot, every.size), _STEPS)
+    starts = _random_starts(robot, every.size)
+    return best, int(within_reach([best], every, starts, _STEPS)[0])
 
 
 def _advice(

@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -224,13 +224,19 @@ def _paired(
     for analysis, robot, source, target, limit, start in zip(
         analyses, robots, sources, targets, *given, strict=True
     ):
-        heavier = with_rotor_inertia(robot) if settings.rotor_inertia else robot
+        heavier = _heavier(robot) if settings.rotor_inertia else robot
         mapping = PoseMapping.between(analysis.model, source, target, settings)
         bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)
         pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
     return pairs
+
+
+@lru_cache(maxsize=16)
+def _heavier(robot: Model) -> Model:
+    """Return the same model each time, so that what is compiled for it is found again."""
+    return with_rotor_inertia(robot)
 
 
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
