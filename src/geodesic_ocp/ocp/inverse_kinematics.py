@@ -71,7 +71,7 @@ def inverse_kinematics(
     given = model, near, position, rotation
     options: dict[str, Any] = {"limits": limits, "free": free, "collisions": collisions}
     search = PoseSearch.checked("inverse_kinematics", *given, **options)
-    q = configurations(search, _ENOUGH)[0]
+    q = configurations(search)[0]
     if not collisions.is_empty:
         return q
     (exact,) = search.outcomes([q], np.zeros(len(search.rows)), 1.0)
@@ -80,7 +80,7 @@ def inverse_kinematics(
 
 
 def configurations(
-    search: PoseSearch, enough: int, settled: float = 1e-2, least: int = 1
+    search: PoseSearch, enough: int = _ENOUGH, settled: float = 1e-2, least: int = 1
 ) -> list[Array]:
     """Return at least `least` configurations with a hand pose, if there are as many, from several
     starts.
