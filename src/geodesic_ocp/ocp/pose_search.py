@@ -423,6 +423,14 @@ class PoseSearch:
 
         return pose_errors
 
+    def is_clear(self, q: Array) -> bool:
+        """Return whether the collision bodies keep their distance at a configuration (n,)."""
+        program, _ = _program(self.model, self.rows, self.collisions.bodies)
+        count = len(self.rows)
+        x = np.concatenate([q, np.zeros(count)])
+        _, g = program.nlp(x, self._parameters(0.0, np.zeros(count)))
+        return bool(np.all(g.full()[count:] >= self.collisions.margin))
+
     def _parameters(self, stay: float, weights: Array) -> Array:
         pose = [self.position, *(each.ravel(order="F") for each in (self.rotation, self.axes))]
         return np.concatenate([self.near, *pose, [stay], weights])
