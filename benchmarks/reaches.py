@@ -47,10 +47,10 @@ def run(name: str, count: int, seed: int) -> int:
         seconds.append(time.process_time() - begin)
         q = solution.path(np.linspace(0.0, 1.0, 2001))
         worst = max(worst, float(np.max([model.lower - q, q - model.upper])))
+    median, most = 1e3 * np.quantile(seconds, [0.5, 0.95])
     print(
-        f"{name}: {len(seconds)} of {count} converged, median {1e3 * np.median(seconds):.0f} ms, 95 % "
-        f"{1e3 * np.quantile(seconds, 0.95):.0f} ms; limits violated by at most {max(worst, 0.0):.1e}"
-        " at 2001 points"
+        f"{name}: {len(seconds)} of {count} converged, median {median:.0f} ms, 95 % {most:.0f} ms; "
+        f"limits violated by at most {max(worst, 0.0):.1e} at 2001 points"
     )
     return len(seconds)
 
