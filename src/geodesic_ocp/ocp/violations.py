@@ -54,8 +54,7 @@ class PathSamples:
             np.concatenate([np.zeros(0), *(getattr(each, side) for each in self._all)])
             for side in ("lower", "upper")
         )
-        self._coordinates = [row for each in c.bounds for row in each.coordinates or ()]
-        self._p, expressions = c.p_values, [stacked((*c.along_q, *c.along_qv))]
+        self._p, expressions = c.p_values, [stacked(self._all)]
         self._function = ca.Function("along", [c.q, c.v, c.p], expressions)
         self._of_last = lru_cache(maxsize=1)(self._sampled)
 
@@ -77,13 +76,9 @@ class PathSamples:
         return s, list(zip(self._all, parts, strict=True))
 
     def _values(self, path: Path, s: Array) -> Array:
-        q = path(s).T
-        bounded = q[self._coordinates]
-        if not self._function.size1_out(0):
-            return np.asarray(bounded)
         parameters = np.tile(self._p[:, None], s.size)
         function = self._function.map(s.size)
-        return np.vstack([bounded, evaluate(function, q, path(s, 1).T, parameters)])
+        return np.asarray(evaluate(function, path(s).T, path(s, 1).T, parameters))
 
 
 path_samples = lru_cache(maxsize=4)(PathSamples)
