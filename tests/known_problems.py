@@ -40,7 +40,7 @@ def check_derivatives(
 ) -> None:
     """Derivatives assembled from those of one node, against CasADi's of the whole NLP."""
     x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
-    (f, g), (_, gradient) = transcription.value(x, p), transcription.objective(x, p)
+    (f, g), (_, gradient) = transcription.differentiable(x, p), transcription.objective(x, p)
     factors = rng.normal(size=g.shape[0])
     outputs = [ca.hessian(1.7 * f + ca.dot(factors, g), x)[0], ca.gradient(f, x), gradient]
     outputs += [ca.jacobian(g, x), transcription.constraints(x, p)[1]]

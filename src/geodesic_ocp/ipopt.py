@@ -142,6 +142,7 @@ class Ipopt:
         options: dict[str, Any] = {
             "print_time": False,
             "calc_lam_p": False,  # unused, and CasADi would print a warning after a failed solve
+            "no_nlp_grad": True,  # which would serve for that alone
             "error_on_fail": False,
             "show_eval_warnings": False,
             "ipopt": {**_IPOPT, **self.options},

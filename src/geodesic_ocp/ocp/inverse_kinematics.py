@@ -71,16 +71,14 @@ def inverse_kinematics(
     given = model, near, position, rotation
     options: dict[str, Any] = {"limits": limits, "free": free, "collisions": collisions}
     search = PoseSearch.checked("inverse_kinematics", *given, **options)
-    q = configurations(search, _ENOUGH)[0]
-    if not collisions.is_empty:
-        return q
+    q = configurations(search)[0]
     (exact,) = search.outcomes([q], np.zeros(len(search.rows)), 1.0)
     nearer = np.linalg.norm(exact.q - search.near) <= np.linalg.norm(q - search.near)
     return exact.q if exact.success and exact.error <= _REACHED and nearer else q
 
 
 def configurations(
-    search: PoseSearch, enough: int, settled: float = 1e-2, least: int = 1
+    search: PoseSearch, enough: int = _ENOUGH, settled: float = 1e-2, least: int = 1
 ) -> list[Array]:
     """Return at least `least` configurations with a hand pose, if there are as many, from several
     starts.
@@ -95,18 +93,23 @@ def configurations(
     weights = (search.bound == 0.0).astype(float)
     found, others, smallest = search.simultaneously(starts, weights, enough, settled, least)
     candidates: list[Array] = []
+    attained = 0
     if not collisions.is_empty:
-        candidates, found, smallest = [*found, *starts], [], np.inf
+        candidates, attained, found, smallest = [*found, *starts], len(found), [], np.inf
     elif len(found) < min(_FEW, enough):
         # Joints that stop at their limits can trap that search, not Ipopt's interior points.
         candidates = [starts[0], *others[len(found) :][:1], *starts[-_LAST_RESORT:]]
         enough = len(found) + _FEW + 1
-    for outcome in search.outcomes(candidates, np.zeros(len(search.rows)), 1.0):
-        smallest = min(smallest, outcome.error)
-        if outcome.success and outcome.error <= _REACHED:
-            found.append(outcome.q)
-            if len(found) == enough:
-                break
+    for number, q in enumerate(candidates):
+        if number < attained and search.is_clear(q):
+            found.append(q)
+        else:
+            (outcome,) = search.outcomes([q], np.zeros(len(search.rows)), 1.0)
+            smallest = min(smallest, outcome.error)
+            if outcome.success and outcome.error <= _REACHED:
+                found.append(outcome.q)
+        if len(found) == enough:
+            break
     if not found:
         units = {name: unit for row, name, unit in _PARTS if row in search.rows}
         raise NotConverged(

@@ -137,7 +137,7 @@ class NLP(ShortRepr):
         """
         x = ca.MX.sym("x", self.transcription.dim * self.grid.size)
         p = ca.MX.sym("p", self.transcription.size_p)
-        f, g = self.transcription.value(x, p)
+        f, g = self.transcription.differentiable(x, p)
         return {"x": x, "p": p, "f": f, "g": g}
 
     @property

@@ -73,13 +73,14 @@ def search_simultaneously(
         settled: how little they still move [rad or m]; infinite if any configuration will do.
     """
     lower, upper = bounds
+    least = min(settled, _SETTLED)
     q = np.clip(starts, lower, upper)
     done_q: list[Array] = []
     given_up: list[Array] = []
     for number in range(_STEPS):
         errors, jacobians = pose_errors(q)
         largest = np.abs(errors).max(axis=1, initial=0.0)
-        step, slide = pose_steps(q, errors, jacobians, near, lower, upper)
+        step, slide = pose_steps(q, errors, jacobians, near, lower, upper, least)
         done = (largest <= _EXACT_EACH) & (slide <= settled)
         if np.any(done):
             done_q += list(q[done])
@@ -96,12 +97,21 @@ def search_simultaneously(
 
 
 def pose_steps(
-    q: Array, errors: Array, jacobians: Array, near: Array | None, lower: Array, upper: Array
+    q: Array,
+    errors: Array,
+    jacobians: Array,
+    near: Array | None,
+    lower: Array,
+    upper: Array,
+    settled: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Get steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
+    """Get steps (k, n), and the lengths (k,) of their parts along configurations with one pose.
+
+    Parts that are not longer than `settled` are left out, so that pose errors vanish quadratically.
+    """
     free = np.ones_like(q, dtype=bool)
     for _ in range(3):  # joints that would leave their range stay at its end
-        step, slide = _free_steps(q, errors, jacobians, near, free)
+        step, slide = _free_steps(q, errors, jacobians, near, free, settled)
         pushed: NDArray[np.bool_] = ((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0))
         if not np.any(pushed & free):
             break
@@ -110,7 +120,12 @@ def pose_steps(
 
 
 def _free_steps(
-    q: Array, errors: Array, jacobians: Array, near: Array | None, free: NDArray[np.bool_]
+    q: Array,
+    errors: Array,
+    jacobians: Array,
+    near: Array | None,
+    free: NDArray[np.bool_],
+    settled: float,
 ) -> tuple[Array, Array]:
     free_jacobians = jacobians * free[:, None, :]
     transposed = free_jacobians.transpose(0, 2, 1)
@@ -125,7 +140,7 @@ def _free_steps(
     corrections = transposed @ np.linalg.solve(matrices, wanted)
     slide = np.where((square < _FAR**2)[:, None], closer - corrections[:, :, 1], 0.0)
     lengths = np.sqrt((slide * slide).sum(axis=1))
-    step = slide - corrections[:, :, 0]
+    step = np.where((lengths > settled)[:, None], slide, 0.0) - corrections[:, :, 0]
     length = np.sqrt((step * step).sum(axis=1))[:, None]
     return step * (_LONGEST / np.maximum(length, _LONGEST)), lengths
 
@@ -407,6 +422,14 @@ class PoseSearch:
             return weights * errors, weights[:, None] * jacobians.transpose(0, 2, 1)
 
         return pose_errors
+
+    def is_clear(self, q: Array) -> bool:
+        """Return whether the collision bodies keep their distance at a configuration (n,)."""
+        program, _ = _program(self.model, self.rows, self.collisions.bodies)
+        count = len(self.rows)
+        x = np.concatenate([q, np.zeros(count)])
+        _, g = program.nlp(x, self._parameters(0.0, np.zeros(count)))
+        return bool(np.all(g.full()[count:] >= self.collisions.margin))
 
     def _parameters(self, stay: float, weights: Array) -> Array:
         pose = [self.position, *(each.ravel(order="F") for each in (self.rotation, self.axes))]

@@ -133,8 +133,9 @@ def check_symbols(
     name: str, expression: ca.SX, symbols: Sequence[ca.SX], parameters: ca.SX | None = None
 ) -> None:
     """Raise ValueError if an expression contains others than the given symbols."""
-    allowed = ca.vertcat(*symbols, ca.SX(0, 1) if parameters is None else parameters)
-    foreign = [str(each) for each in ca.symvar(expression) if not ca.depends_on(each, allowed)]
+    given = [*symbols, ca.SX(0, 1) if parameters is None else parameters]
+    allowed = {each.element_hash() for one in given for each in one.nz}
+    foreign = [str(each) for each in ca.symvar(expression) if each.element_hash() not in allowed]
     if foreign:
         known = dict.fromkeys(str(each[0]).rpartition("_")[0] or str(each) for each in symbols)
         raise ValueError(

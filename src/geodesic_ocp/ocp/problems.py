@@ -17,9 +17,15 @@ from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.model.distances import as_pair, clearance_constraints
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.model.primitives import Obstacle
-from geodesic_ocp.ocp.inverse_kinematics import inverse_kinematics
+from geodesic_ocp.ocp.inverse_kinematics import configurations
 from geodesic_ocp.ocp.nlp import ProblemDefinition
-from geodesic_ocp.ocp.pose_search import as_directions, complement, rotation_log
+from geodesic_ocp.ocp.pose_search import (
+    CollisionAvoidance,
+    PoseSearch,
+    as_directions,
+    complement,
+    rotation_log,
+)
 from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, key_of
 
 _NEEDS_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
@@ -275,21 +281,22 @@ class Reach(ShortRepr, ConstrainedProblem):
         Raises:
             NotConverged: inverse kinematics found no configuration.
         """
-        keep: dict[str, Any] = {
-            name: getattr(self, name)
-            for name in ("limits", "obstacles", "links", "pairs", "margin")
-        }
         corners = [np.asarray(self.start)]
         for point in np.asarray(self.through):
-            corners.append(self._configuration(f"through {point}", corners[-1], point, **keep))
+            corners.append(self._configuration(f"through {point}", corners[-1], point))
         pose = (self.position, self.rotation)
-        corners.append(self._configuration("the end", corners[-1], *pose, free=self.free, **keep))
+        corners.append(self._configuration("the end", corners[-1], *pose, free=self.free))
         knots = np.linspace(0.0, 1.0, len(corners))
         return np.column_stack([np.interp(s, knots, column) for column in np.transpose(corners)])
 
-    def _configuration(self, what: str, *given: Any, **keep: Any) -> Array:
+    def _configuration(
+        self, what: str, near: Array, position: Any, rotation: Any = None, free: Any = None
+    ) -> Array:
+        collisions = CollisionAvoidance(self.obstacles, self.links, self.pairs, self.margin)
+        given: dict[str, Any] = {"limits": self.limits, "free": free, "collisions": collisions}
+        search = PoseSearch.checked("Reach", self.model, near, position, rotation, **given)
         try:
-            return inverse_kinematics(self.model, *given, **keep)
+            return configurations(search)[0]  # nearly the nearest, as it is a guess
         except NotConverged as error:
             raise NotConverged(f"{what}: {error}") from None
 

@@ -135,11 +135,9 @@ def _halved_until_fine(
         stats, path = found.stats, found.path
         if not stats.success:
             return found, None
-        violations = profile(path)
         change = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
         if tolerance is None:
             is_fine = not _violates(found)
-            levels = (worst_by_segment(path, violations) > BETWEEN_NODES).astype(int)
             # The energy of a jump doubles as its segment is halved.
             before = stats.mesh_history[-2:][0].objective
             jumps = stats.objective > _WORSE * before > 0.0
@@ -147,11 +145,15 @@ def _halved_until_fine(
         else:
             is_settled = change <= tolerance * abs(stats.objective)
             is_fine = is_settled and stats.max_path_violation <= tolerance
-            levels = _levels(path, violations, tolerance)
             diverged = stats.objective > _WORSE * first.stats.objective > 0.0
         if is_fine:
             return found, None
-        finer = _finer(path.grid, levels, unresolved_energy(path))
+        violations, unresolved = profile(path), unresolved_energy(path)
+        if tolerance is None:
+            levels = (worst_by_segment(path, violations) > BETWEEN_NODES).astype(int)
+        else:
+            levels = _levels(path, violations, unresolved, tolerance)
+        finer = _finer(path.grid, levels, unresolved)
         too_many = finer.segments > _MAX_SEGMENTS
         if not (diverged and number >= _PATIENCE) and not too_many and number + 1 < _MAX_ROUNDS:
             return found, (found, finer)
@@ -167,14 +169,16 @@ def _halved_until_fine(
     return in_rounds(None, solve, examine, _MAX_ROUNDS)
 
 
-def _levels(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.int64]:
+def _levels(
+    path: Path, violations: tuple[Array, Array], unresolved: Array, tolerance: float
+) -> NDArray[np.int64]:
     """Return how often to halve each segment, (segments,); all of them once if none stands out.
 
     At a kink of the velocity, violations fall with the square and energies with the cube of the
     width.
     """
     levels = np.zeros(path.grid.segments, dtype=int)
-    errors = worst_by_segment(path, violations), unresolved_energy(path)
+    errors = worst_by_segment(path, violations), unresolved
     allowed = tolerance, tolerance * path.discrete_energy / path.grid.segments
     for error, limit, order in zip(errors, allowed, (2, 3), strict=True):
         coarse = (error > limit) & (error > _FRACTION * error.max())

@@ -52,6 +52,9 @@ _STEP = 0.1
 # fraction, without a second-order correction: otherwise one step can replace a good guess by a path
 # of fifty times its energy, and the result depends on rounding.
 FILTER = {"gamma_theta": 0.9, "max_soc": 0}
+# Programs are scaled, and small: preparing and checking the linear systems would take as long as
+# solving them.
+_SYSTEMS = {"mumps_permuting_scaling": 0, "mumps_scaling": 0, "min_refinement_steps": 0}
 # If the guess is nearly a solution, Ipopt must not push it far from its bounds.
 NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 # From a path beside obstacles it stays on their side; on `NEAR` it stops at the first optimum.
@@ -421,7 +424,7 @@ class _Solver:
     ) -> Solution:
         """Return the solution of the NLP from given multipliers, or the last iterate."""
         values = {**nlp.values, **multipliers}
-        given = {**FILTER, "tol": self.tolerance, **usual, **self.ipopt}
+        given = {**FILTER, **_SYSTEMS, "tol": self.tolerance, **usual, **self.ipopt}
         settings = tuple(sorted(given.items()))
         try:
             hash(settings)

@@ -9,6 +9,7 @@ Marsden and West, Acta Numerica 2001; Ober-Bloebaum, Junge, Marsden, ESAIM COCV 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -54,7 +55,8 @@ class Units:
 class CompiledEnergy(Terms):
     """v' G(q) v / 2 with derivatives from the metric's compiled library.
 
-    Its value is interpreted, so that CasADi can differentiate it.
+    Attributes:
+        interpreted: the same terms, which CasADi can differentiate.
 
     Args:
         metric: G.
@@ -64,9 +66,14 @@ class CompiledEnergy(Terms):
 
     def __init__(self, metric: Metric, conditions: Conditions, file: str) -> None:
         c, n = conditions, metric.dim
-        super().__init__(ca.vertcat(c.q, c.v), c.p, metric.energy_density(c.q, c.v))
+        given = ca.vertcat(c.q, c.v), c.p, metric.energy_density(c.q, c.v)
+        super().__init__(*given)
+        self.interpreted = Terms(*given)
         self._gradient = ca.external("energy_gradient", file)
         self._hessian = ca.external("energy_hessian", file)
+        self._hessians = None  # of several states at once
+        with suppress(RuntimeError):
+            self._hessians = ca.external("energy_hessians", file)
         # The library gives l_q, l_v, and by columns l_qq, l_qv and G.
         by_columns = 2 * n + np.arange(3 * n**2).reshape(n, 3 * n, order="F")
         qq, qv, vv = np.split(by_columns, 3, axis=1)
@@ -80,11 +87,19 @@ class CompiledEnergy(Terms):
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[ca.MX]:
         """Return outputs of one of the functions for so many instances, one column each."""
-        if name == "gradient":
-            return list(self._gradient.map(count).call(arguments[:1]))
+        if name in ("value", "gradient"):
+            density, gradient = self._gradient.map(count).call(arguments[:1])
+            return [density, gradient if name == "gradient" else ca.MX(0, count)]
         if name == "hessian":
             columns, _, factors, _ = arguments
-            _, derivatives = self._hessian.map(count).call([columns])
+            if self._hessians is None:
+                _, derivatives = self._hessian.map(count).call([columns])
+            else:
+                lanes = self._hessians.size2_in(0)
+                rest = ca.repmat(columns[:, -1], 1, -count % lanes)
+                times = -(-count // lanes)
+                (derivatives,) = self._hessians.map(times).call([ca.horzcat(columns, rest)])
+                derivatives = derivatives[:, :count]
             return [derivatives[self._entries, :] * ca.repmat(factors, len(self._entries), 1)]
         return super().mapped(name, count, arguments)
 
@@ -269,8 +284,16 @@ class Transcription(ShortRepr):
 
     @property
     def value(self) -> ca.Function:
-        """(x, p) -> f, g, which CasADi can differentiate; f in the unit of energy."""
+        """(x, p) -> f, g; f in the unit of energy."""
         return self.program.functions["nlp"]
+
+    @property
+    def differentiable(self) -> ca.Function:
+        """The same function, which CasADi can differentiate; slower."""
+        energy = self.terms.energy
+        if not isinstance(energy, CompiledEnergy):
+            return self.value
+        return Transcription(replace(self.terms, energy=energy.interpreted), self.grid).value
 
     @property
     def objective(self) -> ca.Function:

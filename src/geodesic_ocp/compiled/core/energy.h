@@ -38,26 +38,33 @@ static void state_at(const level *grid, const double *x, int k, double *state) {
 }
 
 #ifdef LANES
-/* Energy densities (LANES) and derivatives, from `here` on, at quadrature points from `first` on. */
-static void densities_of(const level *grid, const double *x, int first, double *here,
-                         double *densities) {
-  lanes states[2 * N], density, results[POINT_SIZE], *both[2];
+/* energy_hessian of LANES states, one after the other, of which the first `count` are wanted. */
+static void densities_of(const double *states, int count, double *densities, double *out) {
+  lanes given[2 * N], density, results[POINT_SIZE], *both[2];
   const lanes *arguments[1];
-  double state[2 * N];
-  int last = grid->segments * grid->points - 1, l, i;
-  for (l = 0; l < LANES; l++) {
-    int at = first + l < last ? first + l : last, segment = at / grid->points;
-    state_at(grid, x + (long)segment * grid->degree * N, at % grid->points, state);
-    for (i = 0; i < 2 * N; i++) states[i][l] = state[i];
-  }
-  arguments[0] = states;
+  int l, i;
+  for (l = 0; l < LANES; l++)
+    for (i = 0; i < 2 * N; i++) given[i][l] = states[l * 2 * N + i];
+  arguments[0] = given;
   both[0] = &density;
   both[1] = results;
   lanes_energy_hessian(arguments, both, 0, 0, 0);
   memcpy(densities, &density, sizeof(density));
-  for (l = 0; l < LANES && first + l <= last; l++)
-    for (i = 0; i < POINT_SIZE; i++) here[(long)l * POINT_SIZE + i] = results[i][l];
+  for (l = 0; l < count; l++)
+    for (i = 0; i < POINT_SIZE; i++) out[(long)l * POINT_SIZE + i] = results[i][l];
 }
+
+/* energy_hessian of LANES states as a function of CasADi's: (2 N, LANES) -> (POINT_SIZE, LANES). */
+int energy_hessians(const double **arguments, double **results, long long *iw, double *w, int m) {
+  double densities[LANES];
+  densities_of(arguments[0], LANES, densities, results[0]);
+  return 0;
+}
+long long energy_hessians_n_in(void) { return 1; }
+long long energy_hessians_n_out(void) { return 1; }
+static const long long states_shape[] = {2 * N, LANES, 1}, results_shape[] = {POINT_SIZE, LANES, 1};
+const long long *energy_hessians_sparsity_in(long long i) { return states_shape; }
+const long long *energy_hessians_sparsity_out(long long i) { return results_shape; }
 #endif
 
 /* Energy of the path x (nodes, N); with the derivatives at every point where out is given.
@@ -69,7 +76,7 @@ static double energy_of(const level *grid, const double *x, const double *added,
   const double *arguments[1];
   double *results[2];
 #ifdef LANES
-  double densities[LANES];
+  double densities[LANES], states[LANES * 2 * N];
 #endif
   arguments[0] = state;
   results[0] = &density;
@@ -81,7 +88,14 @@ static double energy_of(const level *grid, const double *x, const double *added,
       results[1] = here;
 #ifdef LANES
       if (out) {
-        if (at % LANES == 0) densities_of(grid, x, at, here, densities);
+        if (at % LANES == 0) {
+          int last = grid->segments * grid->points - 1, l;
+          for (l = 0; l < LANES; l++) {
+            int next = at + l < last ? at + l : last, of = next / grid->points;
+            state_at(grid, x + (long)of * grid->degree * N, next % grid->points, states + l * 2 * N);
+          }
+          densities_of(states, last - at + 1 < LANES ? last - at + 1 : LANES, densities, here);
+        }
         density = densities[at % LANES];
       } else
 #endif
