@@ -84,9 +84,13 @@ class Terms:
         return self._function("hessian", factors, [ca.vec(hessian.nz[:])])
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[Any]:
-        """Return outputs of one of these functions for so many instances, one column each."""
-        library = None if name == "value" else self._compiled(name)
-        function = getattr(self, name)
+        """Return outputs of one of these functions for so many instances, one column each.
+
+        "interpreted" is the value, which CasADi can differentiate.
+        """
+        function = self.value if name == "interpreted" else getattr(self, name)
+        is_compiled = self._lasting if name == "value" else name != "interpreted"
+        library = self._compiled(name) if is_compiled else None
         if library is not None and (file := library.file):
             library.used(_PER_INSTRUCTION * count * function.n_instructions())
             with suppress(RuntimeError):  # the file has been removed
@@ -398,12 +402,14 @@ class BlockProgram:
         blocks: the kinds of terms.
         parameters: symbols of the parameters p in which numbers of the blocks are expressed.
         quadratic: Q (size, size) and b (size,) of a term x' Q x / 2 - b' x; None: there is none.
+        differentiable: whether CasADi can differentiate `functions`; they are slower then.
     """
 
     size: int
     blocks: Sequence[Block]
     parameters: ca.MX | None = None
     quadratic: tuple[scipy.sparse.sparray, Array] | None = None
+    differentiable: bool = False
 
     @property
     def size_g(self) -> int:
@@ -454,12 +460,13 @@ class BlockProgram:
         inner = list(dict.fromkeys(each.inner for each in self.blocks if each.inner is not None))
         before = [(block, block.arguments(x)) for block in inner]
         points: dict[Block | None, ca.MX] = {None: x}
+        value = "interpreted" if self.differentiable else "value"
         for block, arguments in before:
-            points[block] = ca.vec(block.terms.mapped("value", block.count, arguments)[1])
+            points[block] = ca.vec(block.terms.mapped(value, block.count, arguments)[1])
         pairs = [(block, block.arguments(points[block.inner])) for block in self.blocks]
         f, g = ca.MX(0), []
         for block, (z, values) in pairs:
-            of_each, constraints = block.terms.mapped("value", block.count, [z, values])
+            of_each, constraints = block.terms.mapped(value, block.count, [z, values])
             f += _weighted(block, of_each) if block.terms.has_objective else 0
             g.append(block.constraints(constraints))
         again, gradient = self._gradient(pairs)

@@ -197,34 +197,49 @@ class Guesses:
     grid: Grid
     tried: list[str] = field(default_factory=list)
 
-    def paths(self, several: bool) -> Iterator[tuple[str, Path | None]]:
-        """Yield different paths, with their names: None is the problem's own guess.
+    @cached_property
+    def _space(self) -> FreeSpace:
+        return FreeSpace(self.definition)
 
-        Only where there are path constraints, or `several` are wanted, is there another one.
+    @cached_property
+    def _own(self) -> Array:
+        """The problem's own guess, (25, n)."""
+        nodes = initial_nodes(self.definition, self.grid)
+        return Path(self.definition.metric, self.grid, nodes)(_S)
+
+    @cached_property
+    def _seen(self) -> list[Array]:
+        return []
+
+    def simple(self, several: bool) -> Iterator[tuple[str, Path | None]]:
+        """Yield the problem's own guess, None, and where there are path constraints in q, or
+        `several` are wanted, detours, which come first if the own guess is not clear; with names.
         """
-        space, metric = FreeSpace(self.definition), self.definition.metric
         if not (several or self.definition.conditions.along_q):
             yield "", None
             return
-        own = Path(metric, self.grid, initial_nodes(self.definition, self.grid))(_S)
+        space, own, metric = self._space, self._own, self.definition.metric
         self.tried.append("the initial guess")
-        box = _box(space, own, metric)
-        is_clear = space.is_clear(own[None])[0]
-        seen = [own] if is_clear else []
-        if is_clear:
+        if is_clear := space.is_clear(own[None])[0]:
+            self._seen.append(own)
             yield "", None
-        tensor = metric.matrix(own[len(own) // 2])
-        bends = np.concatenate([own[None], _beside(own, box)])
-        detours = _clear_detours(space, bends, metric, tensor)
-        detours = [q for q in detours if _is_new(q, seen)][:_DETOURS]
+        box = _box(space, own, metric)
+        detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), metric, own)
+        detours = [q for q in detours if _is_new(q, self._seen)][:_DETOURS]
         for number, q in enumerate(detours):
             self.tried.append(f"detour {number + 1}")
             yield self.tried[-1], Path.through(metric, q)
-            if not (is_clear or number):
-                yield "", None
-        if not (is_clear or detours):
+        if not is_clear:
             yield "", None
-        rng = np.random.default_rng(0)
+
+    def further(self, several: bool) -> Iterator[tuple[str, Path | None]]:
+        """Yield paths of the planner, after detours from random configurations if `several` are
+        wanted.
+        """
+        space, own, metric, seen = self._space, self._own, self.definition.metric, self._seen
+        if not (several or self.definition.conditions.along_q):
+            return
+        box, rng = _box(space, own, metric), np.random.default_rng(0)
         starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
         if not len(starts) or not len(goals):
             self.tried.append("no end of a path was found that meets the constraints")
@@ -234,7 +249,7 @@ class Guesses:
             middles = rng.uniform(*box, (_BENDS, own.shape[1]))
             ends = goals[np.arange(_BENDS) % len(goals)]
             bends = np.array([_bent(starts[0], *each) for each in zip(middles, ends, strict=True)])
-            for number, q in enumerate(_clear_detours(space, bends, metric, tensor)):
+            for number, q in enumerate(_clear_detours(space, bends, metric, own)):
                 if _is_new(q, seen):
                     self.tried.append(f"random detour {number + 1}")
                     yield self.tried[-1], Path.through(metric, q)
@@ -303,11 +318,11 @@ def _beside(own: Array, box: tuple[Array, Array]) -> Array:
     return np.array([_bent(start, middle, end) for middle in middles])
 
 
-def _clear_detours(space: FreeSpace, paths: Array, metric: Metric, tensor: Array) -> list[Array]:
+def _clear_detours(space: FreeSpace, paths: Array, metric: Metric, own: Array) -> list[Array]:
     """Return paths (25, n) moved out of violated constraints, that of the least energy first;
     those that do not become clear are left out.
     """
-    paths = _pushed_out(space, paths, tensor)
+    paths = _pushed_out(space, paths, metric.matrix(own[len(own) // 2]))
     free = [(_energy(metric, q), q) for q in paths[space.is_clear(paths)]]
     finite = [each for each in free if np.isfinite(each[0])]
     return [q for _, q in sorted(finite, key=lambda each: each[0])]

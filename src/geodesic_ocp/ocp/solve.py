@@ -195,20 +195,11 @@ def solve(
     solver = _Solver(problem, definition, conditions, settings, callback, tight)
     first = definition.grid if grid is None else grid
 
-    def solved(guess: Path | Solution | None, others: Sequence[Solution] = ()) -> Solution:
-        if grid is None:
-            return _solve_on_fitting_grid(solver, tolerance, guess, others)
-        solution = solver.solve_from(grid, guess)
-        if same := _same(solution, others):
-            return same
-        if tolerance is not None:
-            return _refined(solver, solution, tolerance, guess)
-        return meeting_conditions(solution, "leave grid out, or set tolerance")
-
+    search = _Search(solver, grid, tolerance)
     if guess is not None or conditions.via:
-        solution = solved(guess)
+        solution = search.finish(search.begin(guess), guess, ())
     else:
-        solution = _best_of(solved, Guesses(definition, first), num_starts)
+        solution = _best_of(search, Guesses(definition, first), num_starts)
     if throw and not solution.stats.success:
         raise NotConverged(describe_failure(solution), solution)
     return solution
@@ -227,24 +218,57 @@ def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Arr
 
 
 _ATTEMPTS = 6  # guesses, if none leads to a solution
+# Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
+# jump through them.
+_AROUND = 1e-2
 
 
-def _best_of(
-    solved: Callable[[Path | None, Sequence[Solution]], Solution], guesses: Guesses, num_starts: int
-) -> Solution:
-    """Return the best of the solutions from so many guesses, or from the first that leads to one;
-    if there is none, the last iterate from the problem's guess.
+def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
+    """Return the best of the solutions from so many guesses; if there is none, the last iterate
+    from the problem's guess.
+
+    Of one guess, which is clear of obstacles; otherwise of two on the first grid, those on which
+    the path goes around obstacles first, the planner's last.
     """
     found: list[Solution] = []
     failed: list[Solution] = []
-    for number, (name, path) in enumerate(guesses.paths(num_starts > 1), 1):
-        solution = solved(path, found)
-        if solution.stats.status == STOPPED:
-            return solution
-        solution = replace(solution, stats=replace(solution.stats, guess=name))
+    waiting: list[tuple[Solution, Path | None]] = []
+
+    def finish(one: tuple[Solution, Path | None]) -> bool:
+        """Return whether the search is over."""
+        first, path = one
+        waiting.remove(one)
+        solution = _named(search.finish(first, path, found), first.stats.guess)
         (found if solution.stats.success else failed).append(solution)
-        if number >= (num_starts if found else max(num_starts, _ATTEMPTS)):
-            break
+        return solution.stats.status == STOPPED or len(found) >= num_starts
+
+    def around() -> list[tuple[Solution, Path | None]]:
+        return sorted(
+            (one for one in waiting if _goes_around(one[0])), key=lambda one: one[0].stats.objective
+        )
+
+    def over() -> bool:
+        several = num_starts > 1
+        simple, further = guesses.simple(several), guesses.further(several)
+        for enough, stage in ((2, simple), (1, further), (1, simple)):
+            for name, path in stage:
+                first = _named(search.begin(path), name)
+                waiting.append((first, path))
+                is_clear = not name and len(waiting) + len(failed) == 1
+                wanted = num_starts if several else 1 if is_clear else enough
+                tried = len(waiting) + len(failed) + len(found)
+                if first.stats.status == STOPPED:
+                    failed.append(first)
+                    return True
+                if len(around()) >= wanted or tried >= max(num_starts, _ATTEMPTS):
+                    break
+            if not several and any(map(finish, around())):
+                return True
+        return any(map(finish, around())) or any(map(finish, list(waiting)))
+
+    over()
+    if failed and failed[-1].stats.status == STOPPED:
+        return failed[-1]
     if found:
         return min(found, key=lambda each: each.stats.objective)
     last = min(failed, key=lambda each: each.stats.guess != "")
@@ -252,6 +276,14 @@ def _best_of(
         return last
     status = f"{last.stats.status} (tried: {', '.join(guesses.tried)})"
     return replace(last, stats=replace(last.stats, status=status))
+
+
+def _named(solution: Solution, name: str) -> Solution:
+    return replace(solution, stats=replace(solution.stats, guess=name))
+
+
+def _goes_around(first: Solution) -> bool:
+    return first.stats.success and first.stats.max_path_violation <= _AROUND
 
 
 def _check_refinable(conditions: Conditions) -> None:
@@ -275,45 +307,65 @@ def _ipopt_tolerance(tolerance: float | None) -> float:
     return _TIGHT if tolerance is None else float(np.clip(tolerance / 100.0, _TIGHT, _MODERATE))
 
 
-def _solve_on_fitting_grid(
-    solver: _Solver,
-    tolerance: float | None,
-    guess: Path | Solution | None,
-    others: Sequence[Solution],
-) -> Solution:
-    """Return the solution on the problem's own grid, or on one refined for the tolerance; one of
-    the others if it leads to that.
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """From guesses to solutions, on the problem's own grid, on a given one, or to a tolerance.
 
-    Ipopt takes as many iterations on half the segments, at half the cost, and few from there.
+    On half the segments Ipopt takes as many iterations, at half the cost, and few from there.
     """
-    own, conditions = solver.definition.grid, solver.conditions
-    half = Grid(own.segments // 2, own.degree) if own.segments >= _MANY and not own.ends else own
-    if isinstance(guess, Path) and not conditions.via:
-        profile = violation_profile(conditions)
-        own = resolving(own, guess, profile)
-        half = half if resolving(half, guess, profile) is half else own
-    if half is not own and not isinstance(guess, Solution):
-        rough = replace(solver, tolerance=_LOOSE).solve_from(half, guess)
-        if rough.stats.status == STOPPED:
-            return rough
-        if rough.stats.success:
-            if same := _same(rough, others):
-                return same
-            found = rough
-            if tolerance is None:
-                found = with_effort_of(rough.stats, solver.solve_from(own, rough))
-            found = _refined(solver, found, tolerance, guess)
+
+    solver: _Solver
+    grid: Grid | None
+    tolerance: float | None
+
+    def begin(self, guess: Path | Solution | None) -> Solution:
+        """Return the solution on the first grid."""
+        first, own = self._grids(guess)
+        solver = self.solver if first is own else replace(self.solver, tolerance=_LOOSE)
+        return solver.solve_from(first, guess)
+
+    def _grids(self, guess: Path | Solution | None) -> tuple[Grid, Grid]:
+        """Return the first grid, and the one that the solution has at least."""
+        if self.grid is not None:
+            return self.grid, self.grid
+        own, conditions = self.solver.definition.grid, self.solver.conditions
+        half = own
+        if own.segments >= _MANY and not own.ends and not isinstance(guess, Solution):
+            half = Grid(own.segments // 2, own.degree)
+        if isinstance(guess, Path) and not conditions.via:
+            profile = violation_profile(conditions)
+            finer = resolving(own, guess, profile)
+            half = half if half is not own and resolving(half, guess, profile) is half else finer
+            own = finer
+        return half, own
+
+    def finish(
+        self, first: Solution, guess: Path | Solution | None, others: Sequence[Solution]
+    ) -> Solution:
+        """Return the solution that follows from that on the first grid; one of the others if it
+        leads to that.
+        """
+        if first.stats.status == STOPPED:
+            return first
+        if same := _same(first, others):
+            return same
+        if self.grid is not None and self.tolerance is None:
+            return meeting_conditions(first, "leave grid out, or set tolerance")
+        half, own = self._grids(guess)
+        if half is not own and first.stats.success:
+            found = first
+            if self.tolerance is None:
+                found = with_effort_of(first.stats, self.solver.solve_from(own, first))
+            found = self._refined(found, guess)
             if found.stats.success or found.stats.status == STOPPED:
                 return found
-    found = solver.solve_from(own, guess)
-    return _same(found, others) or _refined(solver, found, tolerance, guess)
+        if half is not own:
+            first = self.solver.solve_from(own, guess)
+        return _same(first, others) or self._refined(first, guess)
 
-
-def _refined(
-    solver: _Solver, first: Solution, tolerance: float | None, guess: Path | Solution | None
-) -> Solution:
-    profile = violation_profile(solver.definition.conditions)
-    return refine(solver, profile, first, tolerance, guess)
+    def _refined(self, first: Solution, guess: Path | Solution | None) -> Solution:
+        profile = violation_profile(self.solver.conditions)
+        return refine(self.solver, profile, first, self.tolerance, guess)
 
 
 def _same(one: Solution, others: Sequence[Solution]) -> Solution | None:

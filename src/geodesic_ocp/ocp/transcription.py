@@ -55,9 +55,6 @@ class Units:
 class CompiledEnergy(Terms):
     """v' G(q) v / 2 with derivatives from the metric's compiled library.
 
-    Attributes:
-        interpreted: the same terms, which CasADi can differentiate.
-
     Args:
         metric: G.
         conditions: conditions whose symbols are used.
@@ -66,9 +63,7 @@ class CompiledEnergy(Terms):
 
     def __init__(self, metric: Metric, conditions: Conditions, file: str) -> None:
         c, n = conditions, metric.dim
-        given = ca.vertcat(c.q, c.v), c.p, metric.energy_density(c.q, c.v)
-        super().__init__(*given)
-        self.interpreted = Terms(*given)
+        super().__init__(ca.vertcat(c.q, c.v), c.p, metric.energy_density(c.q, c.v))
         self._gradient = ca.external("energy_gradient", file)
         self._hessian = ca.external("energy_hessian", file)
         self._hessians = None  # of several states at once
@@ -290,10 +285,7 @@ class Transcription(ShortRepr):
     @property
     def differentiable(self) -> ca.Function:
         """The same function, which CasADi can differentiate; slower."""
-        energy = self.terms.energy
-        if not isinstance(energy, CompiledEnergy):
-            return self.value
-        return Transcription(replace(self.terms, energy=energy.interpreted), self.grid).value
+        return replace(self.program, differentiable=True).functions["nlp"]
 
     @property
     def objective(self) -> ca.Function:
