@@ -17,7 +17,6 @@ from itertools import pairwise
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from geodesic_ocp.arrays import Array, as_not_negative, as_positive
 from geodesic_ocp.errors import IntegrationFailed
@@ -270,15 +269,18 @@ class OnlineSegmentation:
             self._first, self._last = 0, time
             self.cuts.append(time)
             return
-        span = np.array([before[0], time])
-        curve = CubicHermiteSpline(span, [before[1], q], [before[2], velocity])
+        (start, q0, v0), h = before, time - before[0]
 
         def states_at(times: Array) -> tuple[Array, Array]:
-            parts = ((times[::2] - span[0]) / (span[1] - span[0]))[:, None]
-            observed = (1.0 - parts) * before[2] + parts * velocity
-            return np.hstack([curve(times), curve(times, 1)]), observed
+            # The cubic with these ends.
+            s = ((times - start) / h)[:, None]
+            straight = (q - q0) / h
+            bend = (1.0 - s) * (v0 - straight) - s * (velocity - straight)
+            slope = (1.0 - 2.0 * s) * bend - s * (1.0 - s) * (v0 + velocity - 2.0 * straight)
+            curve = np.hstack([q0 + h * s * (straight + (1.0 - s) * bend), straight + slope])
+            return curve, (1.0 - s[::2]) * v0 + s[::2] * velocity
 
-        *found, frame = _follow(self.metric, span, states_at, self._frame)
+        *found, frame = _follow(self.metric, np.array([start, time]), states_at, self._frame)
         # Orthonormal again, so that errors do not add up.
         gram = frame.T @ self.metric.matrix(q) @ frame
         self._frame = np.linalg.solve(np.linalg.cholesky(gram), frame.T).T
@@ -289,6 +291,12 @@ class OnlineSegmentation:
         self.fastest = max(self.fastest, float(found[2].max()))
         while self._closes():
             pass
+
+    def restart(self) -> None:
+        """End the current segment at the last sample; the next sample is the first of another."""
+        if self.sample is not None:
+            self.cuts.append(self.sample[0])
+        self.sample = None
 
     def _closes(self) -> bool:
         """Find the next cut; return whether there is one."""
