@@ -27,10 +27,13 @@ from geodesic_ocp.tables import markdown, new_table
 RATE = 100.0  # [Hz]
 SHIFTS = np.arange(-10, 31) * 0.01  # [s]
 SETTLING = 0.5  # [s], until the filter has its samples
+STATES = ("position", "velocity", "acceleration")
+KINDS = (*STATES, "jerk", "torque")
 HEADER = (
     *("recording", "robot", "delay [ms]", "hand [mm]", "[deg]", "after the delay [mm]", "[deg]"),
     *("synergies [mm]", "[deg]", "time / person's", "QP [mm]", "[deg]"),
-    *("velocity [limit]", "acceleration [limit]", "jerk [limit]", "cuts, offline", "of these live"),
+    *(f"{kind} [limit]" for kind in KINDS),
+    *("cuts, live", "offline", "of these live"),
     *("step, median [ms]", "99 %", "worst", "failures"),
 )
 
@@ -65,7 +68,7 @@ def _row(analysis: go.Analysis, arm: Any, stretch: float, steps: list[float]) ->
     raw = go.Motion(motion.time, motion.unfiltered, motion.joint_names).resampled(RATE)
     trajectory, cuts, taken = replayed(analysis.model, arm, raw)
     steps += taken
-    times = trajectory.time[trajectory.time > SETTLING]
+    times = trajectory.time[(trajectory.time > SETTLING) & (trajectory.time <= raw.duration)]
     hand = arm.robot.hand_pose(trajectory.states(times)[0])
     errors = []
     for shift in SHIFTS:
@@ -79,14 +82,11 @@ def _row(analysis: go.Analysis, arm: Any, stretch: float, steps: list[float]) ->
         each = arm.statistics[name]
         shown += [1e3 * each.position, float(np.degrees(each.orientation))]
         shown += [stretch] if name == "synergies" else []
-    checked = go.check_trajectory(trajectory, arm.robot, limits=arm.limits)
-    limits = arm.limits
-    for kind in ("velocity", "acceleration", "jerk"):
-        shares = np.asarray(checked.largest[kind]) / getattr(limits, kind)
-        shown.append(float(shares.max()))
+    checked = go.check_trajectory(trajectory, arm.robot, limits=arm.limits, gravity=arm.gravity)
+    shown += [float(checked.usage[kind].max()) for kind in KINDS]
     offline = [motion.time[start] for start, _ in analysis.segments]
     near = sum(np.abs(np.array(cuts) - cut).min() <= 0.05 for cut in offline)
-    shown += [len(offline), int(near), *np.percentile(taken, [50, 99, 100])]
+    shown += [len(cuts), len(offline), int(near), *np.percentile(taken, [50, 99, 100])]
     return [*shown, "; ".join(v for v in checked.violations if "torque" not in v)]
 
 
@@ -108,11 +108,11 @@ def replayed(
         begin = time.thread_time()
         commands.append(live.step(instant, q))
         taken.append(1e3 * (time.thread_time() - begin))
+    for instant in raw.time[-1] + np.arange(1, 101) / RATE:  # until it rests
+        commands.append(live.step(instant))
     columns = [[getattr(each, name) for each in commands] for name in ("time", *STATES)]
     return go.JointTrajectory(*columns, arm.robot.joint_names, arm.robot.units), live.cuts, taken
 
-
-STATES = ("position", "velocity", "acceleration")
 
 if __name__ == "__main__":
     main()

@@ -2,15 +2,16 @@
 
 The steps of one tick are all causal, and their delays are known:
 
-1. A parabola through the last samples removes noise, and a straight line continues it to the
-   instant at which the robot carries out the command.
+1. A parabola through the last samples removes noise. From a point shortly before the newest sample
+   the geodesic with its velocity leads to now: beyond, what it foresees is worth less than the
+   accelerations that it costs the robot.
 2. The pose of the hand there is mapped to the robot as in `retarget`.
 3. Inverse kinematics follows it in steps of constant speed, which keep the limits of position,
    speed and acceleration (`Tracker`).
-4. Two moving averages make these steps smooth. An average of motions within limits is within
-   limits, since they are intervals, so it proves what the command keeps: position, speed and
-   acceleration as the steps do, and over a time T, jerk of at most 2 a / T with the acceleration a.
-   (Averages as smoothing: Biagiotti, Melchiorri, "FIR filters for online trajectory planning with
+4. Two moving averages make these steps smooth, one over a step h and one over a time T. Limits are
+   intervals, so that an average of motions within them is within them: the command keeps the limits
+   as the steps do, and its jerk is at most 2 a / T, where a is the limit of acceleration. Averages
+   delay by (h + T) / 2. (Biagiotti, Melchiorri, "FIR filters for online trajectory planning with
    time- and frequency-domain specifications", Control Engineering Practice 20, 2012.)
 """
 
@@ -25,7 +26,6 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
 from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_start, joint_limits
 from geodesic_ocp.execution.track_within_limits import Tracker
-from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
@@ -35,7 +35,8 @@ from geodesic_ocp.synergies.segment import OnlineSegmentation
 
 # Samples of the parabolas: for the hand, and for the synergies as Klein et al. 2022 filter them.
 _SHORT, _LONG = 11, 21
-_BEFORE = 3  # samples from the newest back to where the line touches the parabola
+_BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
+_DEFAULT = RetargetingSettings()
 _GAP = 2.5  # steps without a sample, after which the person's motion begins anew
 
 
@@ -60,11 +61,10 @@ class LiveRetargeting:
     """Retargeting of a person's motion while it goes on: a command for each sample.
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep the
-    limits of position, speed, acceleration and jerk, whatever the samples are; torque and distances
-    between links or to obstacles are not considered. Each sample is followed by a straight line for
-    as long as the robot takes to carry out the command (`delay`), so that the hand is where the
-    person's is now, apart from what cannot be foreseen and what the limits do not allow. Synergies
-    of the person are closed as soon as the rule of `segment` is certain (`cuts`).
+    limits of position, speed, acceleration and jerk, whatever the samples are. They lag behind by
+    `delay`, and by more where the limits do not allow the person's speed. Torques, and distances
+    between links or to obstacles, are not considered. Synergies of the person are closed as soon as
+    the rule of `segment` is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
 
     >>> import numpy as np, geodesic_ocp as go
     >>> person, robot = go.human_arm("right"), go.human_arm("right", height=1.95)
@@ -74,7 +74,6 @@ class LiveRetargeting:
     ...     command = live.step(time, [0.0, 0.0, 0.0, time**2, 0.0, 0.0, 0.0])
     >>> round(command.time, 2), round(live.delay, 3)
     (1.0, 0.055)
-    >>> command.position.round(2), command.velocity.round(1)
 
     Args:
         person: model of the person's arm.
@@ -85,13 +84,14 @@ class LiveRetargeting:
             are used.
         rate: of the samples and of the commands [Hz].
         threshold: threshold of the synergies [rad], see `segment`.
-        metric: their metric, see `analyse`.
 
     Attributes:
-        delay: delay of the averages [s], over which the person's motion is continued.
+        delay: delay of the command, by its averages [s].
+        command: the last command.
 
     Raises:
-        ValueError: a start outside the limits, or arguments of wrong shapes.
+        ValueError: a start outside the limits, wrong shapes, or limits of jerk without limits of
+            acceleration.
     """
 
     def __init__(
@@ -103,10 +103,9 @@ class LiveRetargeting:
         alignment: Alignment | None = None,
         person_alignment: Alignment | None = None,
         limits: JointLimits | None = None,
-        settings: RetargetingSettings = RetargetingSettings(),  # noqa: B008
+        settings: RetargetingSettings = _DEFAULT,
         rate: float = 100.0,
         threshold: float = 0.6,
-        metric: Metric | str | None = None,
     ) -> None:
         self.person, self.robot = as_model(person), as_model(robot)
         source = align(person) if person_alignment is None else person_alignment
@@ -120,17 +119,22 @@ class LiveRetargeting:
         rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
         q = checked_start(robot, start)
         self._tracker = Tracker(robot, self.limits, self._step, q, rows=rows)
-        with np.errstate(invalid="ignore"):  # neither is limited
-            averaged = np.nan_to_num(2.0 * self.limits.acceleration / self.limits.jerk)
+        limited = np.isfinite(self.limits.jerk)
+        averaged = 2.0 * self.limits.acceleration[limited] / self.limits.jerk[limited]
+        if not np.all(np.isfinite(averaged)):
+            raise ValueError("limits: joints with a limit of jerk need one of acceleration")
         # Steps of the second average, the same for all joints to keep them together.
-        self._count = max(1, int(np.ceil(averaged.max() / self._step - 1e-9)))
+        self._count = max(1, int(np.ceil(np.max(averaged, initial=0.0) / self._step - 1e-9)))
         self.delay = self._step * (1.0 + self._count) / 2.0
-        self._metric = as_analysis_metric(metric, person)
-        if not self._metric.has_constant_tensor:
-            self._metric.kernels.available()  # compiled now, not while the person moves
-        self._tracker.speeds(q, np.zeros(robot.dof), *robot.hand_pose(q), np.zeros(6))
-        self.mapping(np.zeros(person.dof))
-        self._segmentation = OnlineSegmentation(self._metric, threshold)
+        self._metric, zero = as_analysis_metric(None, person), np.zeros(person.dof)
+        # The largest speed, until a larger one is seen: that of 1 rad/s of all joints.
+        fastest = self._metric.norm(zero, np.ones(person.dof))
+        self._segmentation = OnlineSegmentation(self._metric, threshold, fastest=fastest)
+        # Functions are built and compiled now, not while the person moves.
+        self._metric.kernels.available()
+        self._metric.acceleration(zero, zero)
+        rotation, position = self.mapping(zero)
+        self._tracker.speeds(q, np.zeros(robot.dof), rotation, position, np.zeros(6))
         self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
         self._time, self._ticks = -np.inf, 0
         self._target = q  # configuration after the steps of constant speed
@@ -166,7 +170,7 @@ class LiveRetargeting:
         self._time = time
         before = self._speeds[-1]
         if self._samples and time - self._samples[-1][0] <= _GAP * self._step:
-            here, after = self._expected(time + self.delay)
+            here, after = self._expected(time)
             rotation, position = self.mapping(here)
             rotated, moved = self.mapping(after)
             turn = rotated @ rotation.T
@@ -204,8 +208,12 @@ class LiveRetargeting:
             return self._samples[-1][1], self._samples[-1][1]
         touched = self._samples[-1 - _BEFORE][0]
         position, velocity = self._parabola(_SHORT, touched)
-        here = position + (time - touched) * velocity
-        return here, here + self._step * velocity
+        bend = self._metric.acceleration(position, velocity) / 2.0
+        here, after = time - touched, time - touched + self._step
+        return (
+            position + here * velocity + here**2 * bend,
+            position + after * velocity + after**2 * bend,
+        )
 
     def _smoothed(self) -> LiveCommand:
         """Return the command that follows, from the averages over the last steps."""

@@ -233,12 +233,14 @@ class OnlineSegmentation:
 
     A cut is known as soon as it is certain: `min_duration` after the angle has exceeded threshold +
     hysteresis, and `rest_duration` after the arm has come to rest. The largest speed, of which
-    `rest` is a fraction, is that until now; noise of the velocities is not estimated.
+    `rest` is a fraction, is that until now; the noise of the velocities is not known.
 
     Attributes:
         cuts: times at which segments start or stop [s], so far.
 
-    Args and errors: see `segment`.
+    Args:
+        metric, threshold, rest, rest_duration, min_duration, hysteresis: see `segment`.
+        fastest: largest speed |q'|_G to begin with, so that noise before the first movement rests.
     """
 
     def __init__(
@@ -250,11 +252,13 @@ class OnlineSegmentation:
         rest_duration: float = 0.1,
         min_duration: float = 0.1,
         hysteresis: float = 0.1,
+        fastest: float = 0.0,
     ) -> None:
         self.metric, self.rest, self.rest_duration = metric, rest, rest_duration
         self.rule = as_threshold(threshold), hysteresis, min_duration
-        self.fastest, self.cuts = 0.0, list[float]()
+        self.fastest, self.cuts = fastest, list[float]()
         self.sample: tuple[float, Array, Array] | None = None
+        self._frame: Array | None = None
 
     def add(self, time: float, q: Array, velocity: Array) -> None:
         """Add a sample at a later time [s] than the one before, with q and velocity (n,).
@@ -264,8 +268,8 @@ class OnlineSegmentation:
         """
         before, self.sample = self.sample, (time, q, velocity)
         if before is None:
-            self._frame: Array | None = None
-            self._seen = np.empty(0), np.empty((0, self.metric.dim)), np.empty(0)
+            self._frame = None
+            self._seen: list[Array] = [np.empty(0), np.empty((0, self.metric.dim)), np.empty(0)]
             self._first, self._last = 0, time
             self.cuts.append(time)
             return
@@ -283,18 +287,17 @@ class OnlineSegmentation:
         *found, frame = _follow(self.metric, np.array([start, time]), states_at, self._frame)
         # Orthonormal again, so that errors do not add up.
         gram = frame.T @ self.metric.matrix(q) @ frame
-        self._frame = np.linalg.solve(np.linalg.cholesky(gram), frame.T).T
+        self._frame = np.asarray(np.linalg.solve(np.linalg.cholesky(gram), frame.T).T)
         new = slice(1 if self._seen[0].size else 0, None)
-        self._seen = tuple(
-            np.concatenate([old, each[new]]) for old, each in zip(self._seen, found, strict=True)
-        )
+        pairs = zip(self._seen, found, strict=True)
+        self._seen = [np.concatenate([old, each[new]]) for old, each in pairs]
         self.fastest = max(self.fastest, float(found[2].max()))
         while self._closes():
             pass
 
     def restart(self) -> None:
         """End the current segment at the last sample; the next sample is the first of another."""
-        if self.sample is not None:
+        if self.sample is not None and self.sample[0] > self.cuts[-1]:
             self.cuts.append(self.sample[0])
         self.sample = None
 
@@ -310,8 +313,8 @@ class OnlineSegmentation:
                 return False
             return self._cut(float(times[changes[0]]), int(changes[0]), 0)
         stop = int(changes[0]) if changes.size else times.size - 1
-        if state[stop] == AT_REST:  # whose length is not known yet
-            stop = int(np.flatnonzero(state != AT_REST)[-1]) + 1 if np.any(state == MOVING) else 0
+        if state[stop] == AT_REST:  # for how long is not known yet
+            stop = int(np.append(-1, np.flatnonzero(state == MOVING))[-1]) + 1
         observed = _Observed(times, directions, state)
         cuts = observed._cuts_within(0, stop, *self.rule, self._first, self._last)
         if cuts:
@@ -326,7 +329,7 @@ class OnlineSegmentation:
         return True
 
     def _forget(self, count: int) -> None:
-        self._seen = tuple(each[count:] for each in self._seen)
+        self._seen = [each[count:] for each in self._seen]
 
 
 @dataclass(frozen=True)
