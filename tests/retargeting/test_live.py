@@ -125,6 +125,16 @@ def test_bad_samples_are_named_and_leave_the_command(
     assert live.step(1.01, np.zeros(7)).time == pytest.approx(2 * STEP)
 
 
+def test_another_rate_is_noticed_but_not_a_jitter() -> None:
+    live, rng = new_live(), np.random.default_rng(5)
+    for k in range(60):
+        live.step(k * STEP + 0.4 * STEP * rng.uniform(-1.0, 1.0))
+    live.step(1.0)  # after a pause it counts anew
+    with pytest.raises(ValueError, match="step was called 120 times per second, not 100"):
+        for k in range(1, 30):
+            live.step(1.0 + k / 120.0)
+
+
 @pytest.mark.parametrize("repeated", [True, False])
 def test_robot_rests_while_the_stream_pauses_and_goes_on_after(repeated: bool) -> None:
     live, begin = new_live(), np.array([0.3, -0.3, 0.2, 1.2, 0.0, 0.0, 0.0])

@@ -36,6 +36,7 @@ from geodesic_ocp.synergies.segment import OnlineSegmentation
 # Samples of the parabolas: for the hand, and for the synergies as Klein et al. 2022 filter them.
 _SHORT, _LONG = 11, 21
 _BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
+_DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altogether
 _DEFAULT = RetargetingSettings()
 _GAP = 2.5  # steps without a sample, after which the person's motion begins anew
 
@@ -137,6 +138,7 @@ class LiveRetargeting:
         self._tracker.speeds(q, np.zeros(robot.dof), rotation, position, np.zeros(6))
         self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
         self._time, self._ticks = -np.inf, 0
+        self._begin, self._counted = 0.0, 0  # of steps without a pause, to check their rate
         self._target = q  # configuration after the steps of constant speed
         self._speeds = deque(np.zeros((self._count + 1, robot.dof)), maxlen=self._count + 1)
         self.command = LiveCommand(0.0, q, np.zeros(robot.dof), np.zeros(robot.dof))
@@ -157,17 +159,26 @@ class LiveRetargeting:
             q: sample of the person's joints (n,) [rad]; None if none has arrived.
 
         Raises:
-            ValueError: the time does not increase, a wrong number of joints, numbers that are not
+            ValueError: the time does not increase, or not at the rate; a wrong number of joints, numbers that are not
                 finite, or angles in degrees. The command remains the one before.
         """
         time = as_number("time", time)
         if time <= self._time:
             raise ValueError(f"time must increase, got {time:g} s after {self._time:g} s")
+        if time - self._time > _GAP * self._step:
+            self._begin, self._counted = time, 0
+        elapsed = time - self._begin
+        late = abs(elapsed - self._counted * self._step)
+        if late > _GAP * self._step + _DRIFT * elapsed:
+            raise ValueError(
+                f"step was called {self._counted / elapsed:.4g} times per second, not "
+                f"{1.0 / self._step:.4g}: give the rate"
+            )
         if q is not None:
             sample = as_vector("q", q, self.person.dof)
             self._metric.check_units("q", sample)
             self._add(time, sample)
-        self._time = time
+        self._time, self._counted = time, self._counted + 1
         before = self._speeds[-1]
         if self._samples and time - self._samples[-1][0] <= _GAP * self._step:
             here, after = self._expected(time)
