@@ -143,6 +143,10 @@ class LiveRetargeting:
         self._speeds = deque(np.zeros((self._count + 1, robot.dof)), maxlen=self._count + 1)
         self.command = LiveCommand(0.0, q, np.zeros(robot.dof), np.zeros(robot.dof))
 
+    def __repr__(self) -> str:
+        arms = f"{self.person.name} on {self.robot.name}"
+        return f"LiveRetargeting({arms}, delay {self.delay:.3g} s, {self._ticks} steps)"
+
     @property
     def cuts(self) -> tuple[float, ...]:
         """Times at which synergies start or stop [s], so far."""
@@ -159,8 +163,9 @@ class LiveRetargeting:
             q: sample of the person's joints (n,) [rad]; None if none has arrived.
 
         Raises:
-            ValueError: the time does not increase, or not at the rate; a wrong number of joints, numbers that are not
-                finite, or angles in degrees. The command remains the one before.
+            ValueError: the time does not increase, or not at the rate; a wrong number of joints,
+                numbers that are not finite, or angles in degrees. The command remains the one
+                before.
         """
         time = as_number("time", time)
         if time <= self._time:
