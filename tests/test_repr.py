@@ -64,7 +64,10 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     turn = go.Motion(time, np.outer(time, np.ones(7)), arm.joint_names)
     swing = go.Motion(time, np.outer(time - time**3, np.arange(7) / 7), arm.joint_names)
     metric_fit = go.fit_metric(go.recordings.Recording(arm, swing.filtered()), segments=[[(0, 49)]])
+    live = go.retargeting.LiveRetargeting(arm, arm, START)
     values = [
+        live,
+        live.command,
         solution,
         solution.certificate,
         go.show(arm, open_browser=False),

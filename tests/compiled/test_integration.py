@@ -99,7 +99,7 @@ def test_components_in_a_parallel_frame_have_order_4() -> None:
     for steps in (16, 32, 64):
         times = np.linspace(0.0, 4.0, 2 * steps + 1)
         curve = latitude(colatitude, times)
-        components = _parallel_components(metric, times[::2], curve, curve[::2, 2:])
+        components, _ = _parallel_components(metric, times[::2], curve, curve[::2, 2:])
         angle = np.cos(colatitude) * times[::2]
         exact = np.sin(colatitude) * np.column_stack([np.sin(angle), np.cos(angle)])
         sign = np.sign(components[1, 0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -32,6 +33,7 @@ StepSolver: TypeAlias = Callable[[Array, Array, Array, Array, float, tuple[Array
 _GAIN, _DRIFT = 10.0, 1.0  # [1/s], of the pose error, and towards the posture
 _DAMPING = 1e-2  # [m or rad of the hand per unit of a joint]
 _EVEN = 1e-6  # share of a step
+_MANY = 1_000_000  # steps, where the end is not known
 _FEWEST = 3  # steps: at rest, in motion, at rest
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
 _ACCURACY = 1e-10  # [rad/s or m/s], of speeds
@@ -96,35 +98,89 @@ def track_within_limits(
         raise ValueError("turning and placing are both False: there is nothing to track")
     preferred = q if posture is None else as_vector("posture", posture, model.dof)
     rate = as_positive("rate", rate, "Hz")
-    gain = min(_GAIN, rate)
-    posture_cost = as_not_negative("posture_weight", posture_weight) ** 2
-    change_cost = as_not_negative("smoothing", smoothing) * rate
     duration = 1.0 / rate
     rotations, places, velocities = _targets(time, poses, duration)
-    rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
-    tracking = _tracking(model, rows)
-    count, eye = len(velocities), np.eye(model.dof)
+    tracker = Tracker(
+        model,
+        limits,
+        duration,
+        preferred,
+        rows=(*range(3 * (not placing), 3), *range(3, 3 + 3 * turning)),
+        posture_cost=as_not_negative("posture_weight", posture_weight) ** 2,
+        smoothing=as_not_negative("smoothing", smoothing),
+        solver=solver,
+    )
+    count = len(velocities)
     positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
     positions[0] = q
     for k in range(count):
-        jacobian, way = evaluate(tracking, q, rotations[k], places[k])
-        error = way[:, 0]
-        wanted = velocities[k, list(rows)] + gain * error
-        towards, damped = _DRIFT * (preferred - q), _DAMPING**2 + float(error @ error)
         # At rest in the first and in the last step.
-        bounds = speed_bounds(model, limits, duration, q, speeds[k], min(k, count - 1 - k))
-        if solver is not None:
-            found = solver(q, wanted, towards, speeds[k], damped, bounds)
-        else:
-            hessian = jacobian.T @ jacobian + (posture_cost + change_cost + damped) * eye
-            pulled = posture_cost * towards + change_cost * speeds[k]
-            found = box_least_squares(hessian, -(jacobian.T @ wanted + pulled), *bounds)
-        speeds[k + 1] = np.clip(found, *bounds)
+        left = min(k, count - 1 - k)
+        target = rotations[k], places[k], velocities[k]
+        speeds[k + 1] = tracker.speeds(q, speeds[k], *target, left)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
     v, a = (speeds[1:] + speeds[:-1]) / 2.0, np.diff(speeds, axis=0) / duration
     times = np.arange(count + 1) / rate
     return JointTrajectory(times, positions, v, a, model.joint_names, model.units)
+
+
+@dataclass(frozen=True, eq=False)
+class Tracker:
+    """The problem of one step of `track_within_limits`, see there.
+
+    Attributes:
+        model, limits: model and limits of its joints.
+        step: duration of a step [s].
+        preferred: configuration (n,) preferred by a redundant arm.
+        rows: rows of the pose error that count.
+        posture_cost, smoothing: weight of the speeds towards it, squared, and of changes [s].
+        solver: in place of DAQP.
+    """
+
+    model: Model
+    limits: JointLimits
+    step: float
+    preferred: Array
+    rows: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    posture_cost: float = 1e-4
+    smoothing: float = 1e-3
+    solver: StepSolver | None = None
+
+    def speeds(
+        self,
+        q: Array,
+        previous: Array,
+        rotation: Array,
+        position: Array,
+        velocity: Array,
+        left: int = _MANY,
+    ) -> Array:
+        """Return the speeds (n,) of the step that begins at q (n,), after those before it (n,).
+
+        Args:
+            q, previous: configuration, and speeds of the step before.
+            rotation, position, velocity: pose of the target at its beginning, and velocity (6,)
+                during the step.
+            left: number of steps after this one, in the last of which the arm is at rest.
+        """
+        jacobian, way = evaluate(_tracking(self.model, self.rows), q, rotation, position)
+        error, change_cost = way[:, 0], self.smoothing / self.step
+        wanted = velocity[list(self.rows)] + min(_GAIN, 1.0 / self.step) * error
+        towards, damped = _DRIFT * (self.preferred - q), _DAMPING**2 + float(error @ error)
+        bounds = self.bounds(q, previous, left)
+        if self.solver is not None:
+            found = self.solver(q, wanted, towards, previous, damped, bounds)
+        else:
+            weight = self.posture_cost + change_cost + damped
+            hessian = jacobian.T @ jacobian + weight * np.eye(self.model.dof)
+            pulled = self.posture_cost * towards + change_cost * previous
+            found = box_least_squares(hessian, -(jacobian.T @ wanted + pulled), *bounds)
+        return np.asarray(np.clip(found, *bounds))
+
+    def bounds(self, q: Array, previous: Array, left: int = _MANY) -> tuple[Array, Array]:
+        """Return `speed_bounds` of the step that begins at q (n,)."""
+        return speed_bounds(self.model, self.limits, self.step, q, previous, left)
 
 
 def _targets(

@@ -3,6 +3,8 @@ from .arm_alignment import align as align
 from .arm_alignment import propose_alignment as propose_alignment
 from .arm_alignment import read_alignment as read_alignment
 from .arm_result import RetargetedArm as RetargetedArm
+from .live import LiveCommand as LiveCommand
+from .live import LiveRetargeting as LiveRetargeting
 from .merge_synergies import SynergyGroup as SynergyGroup
 from .merge_synergies import merge_synergies as merge_synergies
 from .reachability import Reachability as Reachability

@@ -9,7 +9,7 @@ between v(t) and the transported v(r) is that between c(t) and c(r).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -142,27 +142,49 @@ def speeds(metric: Metric, motion: Motion) -> Array:
 
 
 def _observe(metric: Metric, motion: Motion, level: float, rest_duration: float) -> _Observed:
-    """Return the motion's directions, with as many steps between two samples as the transport
-    needs.
+    """Return the motion's directions."""
+
+    def states_at(times: Array) -> tuple[Array, Array]:
+        return np.hstack([motion(times), motion(times, 1)]), _velocity_between(motion, times[::2])
+
+    times, directions, speed, _ = _follow(metric, motion.time, states_at)
+    return _Observed(times, directions, _states(times, speed, level, rest_duration))
+
+
+def _follow(
+    metric: Metric,
+    time: Array,
+    states_at: Callable[[Array], tuple[Array, Array]],
+    frame: Array | None = None,
+) -> tuple[Array, Array, Array, Array]:
+    """Follow a motion in a parallel frame, in as many steps between samples as transport needs.
+
+    Args:
+        metric: metric of the motion.
+        time: of the samples (k,) [s].
+        states_at: from times (2 m - 1,), positions and velocities (2 m - 1, 2 n) of the curve, and
+            the observed velocities (m, n) at every second time.
+        frame: orthonormal frame (n, n) at the first sample, as columns; None: any.
+
+    Returns:
+        Times (m,), directions (m, n) and speeds (m,) at the instants, and the frame at the last.
     """
-    parts = _parts(motion)
+    parts = _parts(time)
     while True:
-        times = _times_between(motion, 2 * parts)
-        curve = np.hstack([motion(times), motion(times, 1)])
+        times = _times_between(time, 2 * parts)
+        curve, observed = states_at(times)
         times = times[::2]
-        observed = _velocity_between(motion, times)
         speed = speeds_at(metric, curve[::2, : metric.dim], observed)
-        components = _parallel_components(metric, times, curve, observed)
+        components, last = _parallel_components(metric, times, curve, observed, frame)
         # Transport keeps norms, so that their change is its error.
         error = np.abs(np.linalg.norm(components, axis=1) - speed) / np.where(speed > 0, speed, 1.0)
         if np.all(error <= _TRANSPORT_TOLERANCE):
-            state = _states(times, speed, level, rest_duration)
             with np.errstate(invalid="ignore", divide="ignore"):  # next to a velocity of zero
                 directions = components / np.linalg.norm(components, axis=1, keepdims=True)
-            return _Observed(times, directions, state)
+            return times, directions, speed, last
         worst = int(np.argmax(~(error <= _TRANSPORT_TOLERANCE)))
         if not np.all(np.isfinite(error)) or parts >= _MOST_PARTS:
-            metric.check_domain_along("the motion", motion.time, motion.q)
+            metric.check_domain_along("the motion", times, curve[::2, : metric.dim])
             raise IntegrationFailed(
                 f"parallel transport: at t = {times[worst]:.6g} s its error is {error[worst]:.1e}, "
                 f"not {_TRANSPORT_TOLERANCE:.0e}: the metric is singular there",
@@ -171,15 +193,18 @@ def _observe(metric: Metric, motion: Motion, level: float, rest_duration: float)
         parts *= 2
 
 
-def _parallel_components(metric: Metric, times: Array, curve: Array, velocity: Array) -> Array:
-    """Return components (m, n) of velocities (m, n) in an orthonormal frame, parallel along a
-    curve.
+def _parallel_components(
+    metric: Metric, times: Array, curve: Array, velocity: Array, frame: Array | None = None
+) -> tuple[Array, Array]:
+    """Return components (m, n) of velocities (m, n) in an orthonormal frame that is parallel along
+    a curve, and the frame at its end (n, n).
 
     Args:
         metric: metric of the curve.
         times: (m,) [s].
         curve: positions and velocities (2 m - 1, 2 n) at the times and halfway between them.
         velocity: at the times.
+        frame: the frame at the start; None: any.
     """
     n = metric.dim
     rates = metric.transport_matrices(curve)
@@ -193,13 +218,118 @@ def _parallel_components(metric: Metric, times: Array, curve: Array, velocity: A
     steps = one + h / 6.0 * (start + 2.0 * second + 2.0 * third + fourth)
     frames = np.empty((times.size, n, n))
     try:
-        frame = np.linalg.inv(np.linalg.cholesky(metric.matrix(curve[0, :n]))).T
+        if frame is None:
+            frame = np.linalg.inv(np.linalg.cholesky(metric.matrix(curve[0, :n]))).T
         frames[0] = frame
         for index, step in enumerate(steps, 1):
             frames[index] = frame = step.dot(frame)
-        return np.asarray(np.linalg.solve(frames, velocity[:, :, None])[:, :, 0])
+        return np.asarray(np.linalg.solve(frames, velocity[:, :, None])[:, :, 0]), frames[-1]
     except np.linalg.LinAlgError:
-        return np.full_like(velocity, np.nan)
+        return np.full_like(velocity, np.nan), frames[-1]
+
+
+class OnlineSegmentation:
+    """Segmentation of a motion while it goes on, by the rule of `segment`.
+
+    A cut is known as soon as it is certain: `min_duration` after the angle has exceeded threshold +
+    hysteresis, and `rest_duration` after the arm has come to rest. The largest speed, of which
+    `rest` is a fraction, is that until now; the noise of the velocities is not known.
+
+    Attributes:
+        cuts: times at which segments start or stop [s], so far.
+
+    Args:
+        metric, threshold, rest, rest_duration, min_duration, hysteresis: see `segment`.
+        fastest: largest speed |q'|_G to begin with, so that noise before the first movement rests.
+    """
+
+    def __init__(
+        self,
+        metric: Metric,
+        threshold: float = 0.6,
+        *,
+        rest: float = 0.02,
+        rest_duration: float = 0.1,
+        min_duration: float = 0.1,
+        hysteresis: float = 0.1,
+        fastest: float = 0.0,
+    ) -> None:
+        self.metric, self.rest, self.rest_duration = metric, rest, rest_duration
+        self.rule = as_threshold(threshold), hysteresis, min_duration
+        self.fastest, self.cuts = fastest, list[float]()
+        self.sample: tuple[float, Array, Array] | None = None
+        self._frame: Array | None = None
+
+    def add(self, time: float, q: Array, velocity: Array) -> None:
+        """Add a sample at a later time [s] than the one before, with q and velocity (n,).
+
+        Raises:
+            IntegrationFailed: the metric is singular there.
+        """
+        before, self.sample = self.sample, (time, q, velocity)
+        if before is None:
+            self._frame = None
+            self._seen: list[Array] = [np.empty(0), np.empty((0, self.metric.dim)), np.empty(0)]
+            self._first, self._last = 0, time
+            self.cuts.append(time)
+            return
+        (start, q0, v0), h = before, time - before[0]
+
+        def states_at(times: Array) -> tuple[Array, Array]:
+            # The cubic with these ends.
+            s = ((times - start) / h)[:, None]
+            straight = (q - q0) / h
+            bend = (1.0 - s) * (v0 - straight) - s * (velocity - straight)
+            slope = (1.0 - 2.0 * s) * bend - s * (1.0 - s) * (v0 + velocity - 2.0 * straight)
+            curve = np.hstack([q0 + h * s * (straight + (1.0 - s) * bend), straight + slope])
+            return curve, (1.0 - s[::2]) * v0 + s[::2] * velocity
+
+        *found, frame = _follow(self.metric, np.array([start, time]), states_at, self._frame)
+        # Orthonormal again, so that errors do not add up.
+        gram = frame.T @ self.metric.matrix(q) @ frame
+        self._frame = np.asarray(np.linalg.solve(np.linalg.cholesky(gram), frame.T).T)
+        new = slice(1 if self._seen[0].size else 0, None)
+        pairs = zip(self._seen, found, strict=True)
+        self._seen = [np.concatenate([old, each[new]]) for old, each in pairs]
+        self.fastest = max(self.fastest, float(found[2].max()))
+        while self._closes():
+            pass
+
+    def restart(self) -> None:
+        """End the current segment at the last sample; the next sample is the first of another."""
+        if self.sample is not None and self.sample[0] > self.cuts[-1]:
+            self.cuts.append(self.sample[0])
+        self.sample = None
+
+    def _closes(self) -> bool:
+        """Find the next cut; return whether there is one."""
+        times, directions, speed = self._seen
+        state = _states(times, speed, self.rest * self.fastest, self.rest_duration)
+        resting = state == IN_LONG_REST
+        changes = np.flatnonzero(resting != resting[0])
+        if resting[0]:
+            if not changes.size:
+                self._forget(int(np.searchsorted(times, times[-1] - 2.0 * self.rest_duration)))
+                return False
+            return self._cut(float(times[changes[0]]), int(changes[0]), 0)
+        stop = int(changes[0]) if changes.size else times.size - 1
+        if state[stop] == AT_REST:  # for how long is not known yet
+            stop = int(np.append(-1, np.flatnonzero(state == MOVING))[-1]) + 1
+        observed = _Observed(times, directions, state)
+        cuts = observed._cuts_within(0, stop, *self.rule, self._first, self._last)
+        if cuts:
+            crossing, first = cuts[0]
+            return self._cut(crossing, first - 1, 1)
+        return bool(changes.size) and self._cut(float(times[stop]), stop, 0)
+
+    def _cut(self, time: float, kept: int, first: int) -> bool:
+        self.cuts.append(time)
+        self._first, self._last = first, time
+        self._forget(kept)
+        return True
+
+    def _forget(self, count: int) -> None:
+        self._seen = [each[count:] for each in self._seen]
 
 
 @dataclass(frozen=True)
@@ -218,7 +348,8 @@ class _Observed:
         for start, stop in pairwise([0, *inner.tolist(), self.times.size - 1]):
             cuts.append(float(self.times[start]))
             if not resting[start]:
-                cuts += self._cuts_within(start, stop, threshold, hysteresis, duration)
+                within = self._cuts_within(start, stop, threshold, hysteresis, duration)
+                cuts += [cut for cut, _ in within]
         return [*cuts, float(self.times[-1])]
 
     @cached_property
@@ -227,21 +358,32 @@ class _Observed:
         return np.append(0.0, _angle(np.sum(self.directions[:-1] * self.directions[1:], axis=1)))
 
     def _cuts_within(
-        self, start: int, stop: int, threshold: float, hysteresis: float, duration: float
-    ) -> list[float]:
-        """Return cuts in a stretch between long rests."""
-        cuts: list[float] = []
-        last = begin = float(self.times[start])
-        first = start
+        self,
+        start: int,
+        stop: int,
+        threshold: float,
+        hysteresis: float,
+        duration: float,
+        first: int | None = None,
+        last: float | None = None,
+    ) -> list[tuple[float, int]]:
+        """Return cuts in a stretch between long rests, each with the instant at or after it.
+
+        They are sought from the instant `first` on, after a cut at the time `last`; None: from the
+        start of the stretch.
+        """
+        cuts: list[tuple[float, int]] = []
+        first = start if first is None else first
+        last = begin = float(self.times[start]) if last is None else last
         while (reference := self._steadiest(start, first, stop, begin + duration)) is not None:
             crossing = self._crossing(reference, stop, threshold, hysteresis)
             if crossing is None:
                 break
+            first = max(reference + 1, int(np.searchsorted(self.times, crossing)))
             if crossing - last >= duration and self.times[stop] - crossing >= duration:
-                cuts.append(crossing)
+                cuts.append((crossing, first))
                 last = crossing
             begin = crossing
-            first = max(reference + 1, int(np.searchsorted(self.times, crossing)))
         return cuts
 
     def _steadiest(self, start: int, first: int, stop: int, until: float) -> int | None:
@@ -314,9 +456,9 @@ def _rest_level(metric: Metric, motion: Motion, speed: Array, rest: float) -> fl
     return max(level, _OF_NOISE * float(np.sqrt(np.mean(np.sum(np.square(each), axis=0)))))
 
 
-def _parts(motion: Motion) -> int:
+def _parts(time: Array) -> int:
     """Return parts of every step between two samples, so that none is longer than 5 ms."""
-    return max(1, int(np.ceil(np.diff(motion.time).max() / _LONGEST - 0.01)))
+    return max(1, int(np.ceil(np.diff(time).max() / _LONGEST - 0.01)))
 
 
 def _nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
@@ -326,13 +468,13 @@ def _nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
     return samples
 
 
-def _times_between(motion: Motion, parts: int) -> Array:
-    """Return times (m,) of the samples and, with every step between two in equal parts, between
+def _times_between(time: Array, parts: int) -> Array:
+    """Return times (m,) of samples and, with every step between two in equal parts, between
     them.
     """
-    steps = np.diff(motion.time)[:, None]
-    between = motion.time[:-1, None] + steps * (np.arange(parts) / parts)
-    return np.append(between.ravel(), motion.time[-1])
+    steps = np.diff(time)[:, None]
+    between = time[:-1, None] + steps * (np.arange(parts) / parts)
+    return np.append(between.ravel(), time[-1])
 
 
 def _velocity_between(motion: Motion, times: Array) -> Array:
@@ -375,7 +517,7 @@ def segment_zero_velocity(
     if joints < 0 or joints >= len(motion.joint_names):
         raise ValueError(f"joints must be 0 to {len(motion.joint_names) - 1}, got {joints}")
     window = as_positive("window", window, "s")
-    times = _times_between(motion, _parts(motion))
+    times = _times_between(motion.time, _parts(motion.time))
     check_moving(motion)
     observed = _velocity_between(motion, times)
     crossings = sorted(

@@ -1,0 +1,246 @@
+"""Retargeting while the person moves: each sample of the arm becomes a command for the robot.
+
+The steps of one tick are all causal, and their delays are known:
+
+1. A parabola through the last samples removes noise. From a point shortly before the newest sample
+   the geodesic with its velocity leads to now: beyond, what it foresees is worth less than the
+   accelerations that it costs the robot.
+2. The pose of the hand there is mapped to the robot as in `retarget`.
+3. Inverse kinematics follows it in steps of constant speed, which keep the limits of position,
+   speed and acceleration (`Tracker`).
+4. Two moving averages make these steps smooth, one over a step h and one over a time T. Limits are
+   intervals, so that an average of motions within them is within them: the command keeps the limits
+   as the steps do, and its jerk is at most 2 a / T, where a is the limit of acceleration. Averages
+   delay by (h + T) / 2. (Biagiotti, Melchiorri, "FIR filters for online trajectory planning with
+   time- and frequency-domain specifications", Control Engineering Practice 20, 2012.)
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
+from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_start, joint_limits
+from geodesic_ocp.execution.track_within_limits import Tracker
+from geodesic_ocp.manifold.metrics import as_analysis_metric
+from geodesic_ocp.model.model import Model, as_model
+from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.retargeting.waypoints import PoseMapping
+from geodesic_ocp.synergies.segment import OnlineSegmentation
+
+# Samples of the parabolas: for the hand, and for the synergies as Klein et al. 2022 filter them.
+_SHORT, _LONG = 11, 21
+_BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
+_DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altogether
+_DEFAULT = RetargetingSettings()
+_GAP = 2.5  # steps without a sample, after which the person's motion begins anew
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LiveCommand(ShortRepr):
+    """The state that the robot is to have at the end of a step, (n,) each.
+
+    Between two commands the jerk is constant.
+
+    Attributes:
+        time: since the first step began [s].
+        position, velocity, acceleration: [rad or m], per second, per second squared.
+    """
+
+    time: float
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+class LiveRetargeting:
+    """Retargeting of a person's motion while it goes on: a command for each sample.
+
+    The robot's hand follows that of the person. Commands have continuous accelerations and keep the
+    limits of position, speed, acceleration and jerk, whatever the samples are. They lag behind by
+    `delay`, and by more where the limits do not allow the person's speed. Torques, and distances
+    between links or to obstacles, are not considered. Synergies of the person are closed as soon as
+    the rule of `segment` is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
+
+    >>> import numpy as np, geodesic_ocp as go
+    >>> person, robot = go.human_arm("right"), go.human_arm("right", height=1.95)
+    >>> limits = go.execution.joint_limits(robot, velocity=3.0)
+    >>> live = go.retargeting.LiveRetargeting(person, robot, np.zeros(7), limits=limits)
+    >>> for time in np.arange(100) / 100.0:
+    ...     command = live.step(time, [0.0, 0.0, 0.0, time**2, 0.0, 0.0, 0.0])
+    >>> round(command.time, 2), round(live.delay, 3)
+    (1.0, 0.055)
+
+    Args:
+        person: model of the person's arm.
+        robot: the arm.
+        start: configuration (n,) of the robot, in which it rests [rad or m].
+        alignment, person_alignment, limits: see `retarget`.
+        settings: settings, of which `scale`, `mirror` and whether positions and orientations count
+            are used.
+        rate: of the samples and of the commands [Hz].
+        threshold: threshold of the synergies [rad], see `segment`.
+
+    Attributes:
+        delay: delay of the command, by its averages [s].
+        command: the last command.
+
+    Raises:
+        ValueError: a start outside the limits, wrong shapes, or limits of jerk without limits of
+            acceleration.
+    """
+
+    def __init__(
+        self,
+        person: Model,
+        robot: Model,
+        start: ArrayLike,
+        *,
+        alignment: Alignment | None = None,
+        person_alignment: Alignment | None = None,
+        limits: JointLimits | None = None,
+        settings: RetargetingSettings = _DEFAULT,
+        rate: float = 100.0,
+        threshold: float = 0.6,
+    ) -> None:
+        self.person, self.robot = as_model(person), as_model(robot)
+        source = align(person) if person_alignment is None else person_alignment
+        target = align(robot) if alignment is None else alignment
+        check_joints(source, person)
+        check_joints(target, robot)
+        self.mapping = PoseMapping.between(person, source, target, settings)
+        self.limits = joint_limits(robot) if limits is None else checked_limits(robot, limits)
+        self._step = 1.0 / as_positive("rate", rate, "Hz")
+        placing, turning = settings.position_weight > 0.0, settings.orientation_weight > 0.0
+        rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
+        q = checked_start(robot, start)
+        self._tracker = Tracker(robot, self.limits, self._step, q, rows=rows)
+        limited = np.isfinite(self.limits.jerk)
+        averaged = 2.0 * self.limits.acceleration[limited] / self.limits.jerk[limited]
+        if not np.all(np.isfinite(averaged)):
+            raise ValueError("limits: joints with a limit of jerk need one of acceleration")
+        # Steps of the second average, the same for all joints to keep them together.
+        self._count = max(1, int(np.ceil(np.max(averaged, initial=0.0) / self._step - 1e-9)))
+        self.delay = self._step * (1.0 + self._count) / 2.0
+        self._metric, zero = as_analysis_metric(None, person), np.zeros(person.dof)
+        # The largest speed, until a larger one is seen: that of 1 rad/s of all joints.
+        fastest = self._metric.norm(zero, np.ones(person.dof))
+        self._segmentation = OnlineSegmentation(self._metric, threshold, fastest=fastest)
+        # Functions are built and compiled now, not while the person moves.
+        self._metric.kernels.available()
+        self._metric.acceleration(zero, zero)
+        rotation, position = self.mapping(zero)
+        self._tracker.speeds(q, np.zeros(robot.dof), rotation, position, np.zeros(6))
+        self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
+        self._time, self._ticks = -np.inf, 0
+        self._begin, self._counted = 0.0, 0  # of steps without a pause, to check their rate
+        self._target = q  # configuration after the steps of constant speed
+        self._speeds = deque(np.zeros((self._count + 1, robot.dof)), maxlen=self._count + 1)
+        self.command = LiveCommand(0.0, q, np.zeros(robot.dof), np.zeros(robot.dof))
+
+    def __repr__(self) -> str:
+        arms = f"{self.person.name} on {self.robot.name}"
+        return f"LiveRetargeting({arms}, delay {self.delay:.3g} s, {self._ticks} steps)"
+
+    @property
+    def cuts(self) -> tuple[float, ...]:
+        """Times at which synergies start or stop [s], so far."""
+        return tuple(self._segmentation.cuts)
+
+    def step(self, time: float, q: ArrayLike | None = None) -> LiveCommand:
+        """Return the command for the end of the step that begins now.
+
+        It is called once in every step of the robot. After a gap of more than two steps the robot
+        brakes and rests; with the next sample it goes on.
+
+        Args:
+            time: [s], later than in the step before; that of the sample.
+            q: sample of the person's joints (n,) [rad]; None if none has arrived.
+
+        Raises:
+            ValueError: the time does not increase, or not at the rate; a wrong number of joints,
+                numbers that are not finite, or angles in degrees. The command remains the one
+                before.
+        """
+        time = as_number("time", time)
+        if time <= self._time:
+            raise ValueError(f"time must increase, got {time:g} s after {self._time:g} s")
+        if time - self._time > _GAP * self._step:
+            self._begin, self._counted = time, 0
+        elapsed = time - self._begin
+        late = abs(elapsed - self._counted * self._step)
+        if late > _GAP * self._step + _DRIFT * elapsed:
+            raise ValueError(
+                f"step was called {self._counted / elapsed:.4g} times per second, not "
+                f"{1.0 / self._step:.4g}: give the rate"
+            )
+        if q is not None:
+            sample = as_vector("q", q, self.person.dof)
+            self._metric.check_units("q", sample)
+            self._add(time, sample)
+        self._time, self._counted = time, self._counted + 1
+        before = self._speeds[-1]
+        if self._samples and time - self._samples[-1][0] <= _GAP * self._step:
+            here, after = self._expected(time)
+            rotation, position = self.mapping(here)
+            rotated, moved = self.mapping(after)
+            turn = rotated @ rotation.T
+            turning = (turn - turn.T)[[2, 0, 1], [1, 2, 0]] / 2.0  # of small angles
+            velocity = np.append(moved - position, turning) / self._step
+            speeds = self._tracker.speeds(self._target, before, rotation, position, velocity)
+        else:
+            speeds = np.clip(0.0, *self._tracker.bounds(self._target, before))
+        self._target = self._target + self._step * speeds
+        self._speeds.append(speeds)
+        self.command = self._smoothed()
+        return self.command
+
+    def _add(self, time: float, q: Array) -> None:
+        """Add a sample to the parabolas and to the synergies."""
+        if self._samples and time - self._samples[-1][0] > _GAP * self._step:
+            self._samples.clear()
+            self._segmentation.restart()
+        self._samples.append((time, q))
+        if len(self._samples) == _LONG:
+            middle = self._samples[_LONG // 2][0]
+            self._segmentation.add(middle, *self._parabola(_LONG, middle))
+
+    def _parabola(self, count: int, time: float) -> tuple[Array, Array]:
+        """Return position and velocity (n,) at a time of the parabola through the last samples."""
+        last = list(self._samples)[-count:]
+        since = (np.array([each for each, _ in last]) - time) / self._step
+        powers = np.vander(since, 3, increasing=True).T
+        values = np.linalg.solve(powers @ powers.T, powers @ np.array([each for _, each in last]))
+        return values[0], values[1] / self._step
+
+    def _expected(self, time: float) -> tuple[Array, Array]:
+        """Return where the person will be at a time, and one step later."""
+        if len(self._samples) < _SHORT:
+            return self._samples[-1][1], self._samples[-1][1]
+        touched = self._samples[-1 - _BEFORE][0]
+        position, velocity = self._parabola(_SHORT, touched)
+        bend = self._metric.acceleration(position, velocity) / 2.0
+        here, after = time - touched, time - touched + self._step
+        return (
+            position + here * velocity + here**2 * bend,
+            position + after * velocity + after**2 * bend,
+        )
+
+    def _smoothed(self) -> LiveCommand:
+        """Return the command that follows, from the averages over the last steps."""
+        h, last = self._step, self.command
+        speeds = np.array(self._speeds)
+        # The first average, over a step, has these speeds at the ends of the steps.
+        velocity = (speeds[1:] + speeds[:-1]).mean(axis=0) / 2.0
+        acceleration = (speeds[-1] - speeds[0]) / (h * self._count)
+        jerk = (acceleration - last.acceleration) / h
+        position = last.position + h * (
+            last.velocity + h * (last.acceleration / 2.0 + h * jerk / 6.0)
+        )
+        self._ticks += 1
+        return LiveCommand(self._ticks * h, position, velocity, acceleration)
