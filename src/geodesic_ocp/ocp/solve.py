@@ -220,7 +220,7 @@ def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Arr
 _ATTEMPTS = 6  # guesses, if none leads to a solution
 # Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
 # jump through them.
-_AROUND = 1e-2
+_AROUND = 3e-2
 
 
 def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
