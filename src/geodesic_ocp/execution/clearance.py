@@ -81,6 +81,23 @@ class Clearance(ShortRepr):
                 raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
         return _rows(self.function, indices)
 
+    def only(self, indices: Sequence[int]) -> Clearance:
+        """Return some of the distances."""
+        if len(indices) == len(self.names):
+            return self
+
+        def exact(at: Array, number: int) -> float:
+            assert self.exact is not None  # else it is not used
+            return self.exact(at, indices[number])
+
+        def closer(at: Array, number: int, distance: float) -> bool:
+            return self.closer is None or self.closer(at, indices[number], distance)
+
+        names = tuple(self.names[k] for k in indices)
+        parts = tuple(self.parts[k] for k in indices) if self.parts else ()
+        known, lower = None if self.exact is None else exact, self.lower[list(indices)]
+        return Clearance(self.row(*indices), lower, names, known, closer, parts)
+
     def part(self, index: int) -> DistancePart:
         """Return one of the distances by the coordinates that it depends on, or by all of them."""
         known = self.parts[index] if self.parts else None
