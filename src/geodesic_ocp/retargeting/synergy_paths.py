@@ -53,7 +53,7 @@ _HOPELESS = 0.8  # of what distances lacked before a round, that they still lack
 _ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
 _BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
 # Weight of the squared error of a pose at which links are too near [1/m^2] or [1/rad^2].
-_YIELDING = 50.0
+_YIELDING = 500.0
 
 # Lower bounds [m] of distances, by their number in the clearance and the time in the recording [s].
 Rows = Mapping[tuple[int, float], float]
