@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations, pairwise
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -85,6 +86,49 @@ def test_neighbours_are_no_pairs_and_all_others_are(found: LinkPairs) -> None:
         frozenset(pair) for pair in [("one", "three"), ("base", "two"), ("base", "three")]
     }
     assert found.unknown == ()
+
+
+def test_pairs_that_the_srdf_of_a_robot_disables_are_exempt(tmp_path: Path) -> None:
+    """For any reason but "Default", the default configuration being one of many."""
+    disabled = [("base", "two", "Never"), ("three", "one", "Default"), ("base", "gone", "User")]
+    lines = "".join(
+        f'<disable_collisions link1="{one}" link2="{other}" reason="{reason}"/>'
+        for one, other, reason in disabled
+    )
+    srdf = f'<robot name="boxes">{lines}</robot>'
+    for kind, content in (("urdf", boxes()), ("srdf", srdf)):
+        (tmp_path / kind).mkdir()
+        (tmp_path / kind / f"boxes.{kind}").write_text(content)
+    arm = go.load_model(tmp_path / "urdf" / "boxes.urdf", hand="three")
+    pairs = link_pairs(arm)
+    assert pairs.exempt == {("base", "two"): "boxes.srdf"}
+    assert {*pairs.constrained, *pairs.exact_only} == {("base", "three"), ("one", "three")}
+    assert "1 pairs are exempt, as boxes.srdf disables" in str(pairs)
+    beside = link_pairs([arm, arm], [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)])
+    assert len(beside.exempt) == 2  # of each robot, not between them
+
+
+def test_the_margin_of_a_pair_is_half_of_what_it_can_reach() -> None:
+    """Two balls on the axis of both joints between them are 20 mm apart in any configuration."""
+    balls = {"base": ("0 0 0.05", 0.04), "one": ("0.3 0 0", 0.02), "two": ("0 0 -0.05", 0.04)}
+    links = "".join(
+        f'<link name="{name}">{_LINK}<collision><origin xyz="{at}"/><geometry>'
+        f'<sphere radius="{radius}"/></geometry></collision></link>'
+        for name, (at, radius) in balls.items()
+    )
+    joints = "".join(
+        _JOINT.format(name=child, parent=parent, child=child, origin="0 0 0", axis="0 0 1")
+        for parent, child in pairwise(balls)
+    )
+    arm = go.load_model(f'<robot name="balls">{links}{joints}</robot>', hand="two")
+    for margin, kept in ((0.005, 0.005), (0.015, 0.01), (0.5, 0.01)):
+        pairs = link_pairs(arm, margin=margin)
+        assert pairs.margin("base", "two", margin) == pytest.approx(kept)
+        clearance = keep_clear(arm, pairs=pairs, margin=margin)
+        assert clearance is not None
+        assert_allclose(clearance.lower, kept)
+        assert len(active_rows(clearance, sampled_configurations([arm], 8))) == 0
+    assert "kept apart by 10 mm: base to two, which are at most 20 mm apart" in str(pairs)
 
 
 def test_capsules_are_never_further_apart_than_the_links(robot: go.Model) -> None:
@@ -322,7 +366,11 @@ def test_a_panda_keeps_its_links_apart_by_lower_bounds() -> None:
     robot = go.load_model("panda")
     pairs = link_pairs(robot)
     assert pairs.unknown == ()
-    linked = {frozenset(pair) for pair in (*pairs.constrained, *pairs.exact_only)}
+    assert set(pairs.exempt.values()) == {"panda.srdf"}
+    # It disables these for the reason "Default", which says nothing of other configurations.
+    assert ("panda_link5", "panda_link7") in pairs.constrained
+    known = (*pairs.constrained, *pairs.exact_only, *pairs.exempt)
+    linked = {frozenset(pair) for pair in known}
     chain = [f"panda_link{number}" for number in range(8)]
     assert not any(frozenset(pair) in linked for pair in pairwise(chain))
     assert all(

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from known_models import planar_arm
 from numpy.testing import assert_allclose
 from short_reprs import check_reprs
 
@@ -261,6 +262,33 @@ def test_two_arms_move_in_one_program(waypoints: ArmWaypoints, found: PlannedPat
     for paths in result.paths:
         for mine, alone in zip(paths, found.paths[0], strict=True):
             assert_allclose(mine.nodes[-1], alone.nodes[-1], atol=1e-4)
+
+
+def test_another_posture_is_tried_before_a_pose_is_given_up() -> None:
+    """Of the two configurations with the last position, the nearer one has the elbow too low."""
+    arm = planar_arm((0.4, 0.4), (1.0, 1.0), (0.2, 0.2), (0.01, 0.01)).with_armature(0.1)
+    start, low, high = np.array([[-0.15, 0.6], [-0.4, 0.8], [0.4, -0.8]])
+    poses = [Pose(None, arm.hand_pose(q)[1]) for q in (start, (start + low) / 2.0, low)]
+    given = ArmWaypoints(
+        arm=arm.with_limits(lower=[-3.0] * 2, upper=[3.0] * 2),
+        limited=True,
+        alignment=go.retargeting.Alignment(np.zeros(3), np.eye(3), np.eye(3), 0.8),
+        begins=np.array([0.0]),
+        ends=np.array([1.0]),
+        poses=(poses[0], poses[2]),
+        between=(poses[1],),
+        start=start,
+        limits=no_limits(2),
+        offsets=None,
+    )
+    assert_allclose(planned(given).paths[0][-1].nodes[-1], low, atol=1e-3)
+    q = ca.SX.sym("q", 2)
+    clearance = Clearance(ca.Function("d", [q], [q[0] + 0.2]), np.zeros(1), ("elbow to floor",))
+    found = planned(given, clearance=clearance)
+    assert found.success
+    assert not found.too_near
+    assert found.within_reach == ((True, True),)
+    assert_allclose(found.paths[0][-1].nodes[-1], high, atol=1e-3)
 
 
 def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoints) -> None:

@@ -81,6 +81,23 @@ class Clearance(ShortRepr):
                 raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
         return _rows(self.function, indices)
 
+    def only(self, indices: Sequence[int]) -> Clearance:
+        """Return some of the distances."""
+        if len(indices) == len(self.names):
+            return self
+
+        def exact(at: Array, number: int) -> float:
+            assert self.exact is not None  # else it is not used
+            return self.exact(at, indices[number])
+
+        def closer(at: Array, number: int, distance: float) -> bool:
+            return self.closer is None or self.closer(at, indices[number], distance)
+
+        names = tuple(self.names[k] for k in indices)
+        parts = tuple(self.parts[k] for k in indices) if self.parts else ()
+        known, lower = None if self.exact is None else exact, self.lower[list(indices)]
+        return Clearance(self.row(*indices), lower, names, known, closer, parts)
+
     def part(self, index: int) -> DistancePart:
         """Return one of the distances by the coordinates that it depends on, or by all of them."""
         known = self.parts[index] if self.parts else None
@@ -154,20 +171,22 @@ def keep_clear(
             None: those that `link_pairs` finds.
         obstacles: balls, capsules, boxes and half-spaces in the common base frame, which all moving
             links keep clear of.
-        margin: smallest distance allowed [m].
+        margin: smallest distance allowed [m]; of pairs that cannot come as far apart as twice that,
+            half of the largest distance that they can have (`LinkPairs.reach`).
         placements: placements of the bases of the arms, see `link_pairs`.
 
     Raises:
         ValueError: an unknown link, obstacles that are fixed to a link, or a wrong margin.
     """
     margin = as_number("margin", margin)
-    placed, named, excess = _pairs(arms, pairs, placements, margin)
+    placed, named, excess, margins = _pairs(arms, pairs, placements, margin)
     q = ca.SX.sym("q", placed.dof)
     distances: dict[str, ca.SX] = {}
+    lower: list[float] = []
     solids: list[tuple[PlacedSolid, PlacedSolid] | None] = []  # None: of a link and an obstacle
     parts: list[DistancePart | None] = []
     between = cache(partial(_between_joints, placed))
-    for (one, other), wider in zip(named, excess, strict=True):
+    for (one, other), wider, least in zip(named, excess, margins, strict=True):
         both = placed.by_name[one], placed.by_name[other]
         for capsules in product(*(each.solid.capsules for each in both)):
             points = [list(dict.fromkeys((each.start, each.end))) for each in capsules]
@@ -182,6 +201,7 @@ def keep_clear(
             parts.append(part)
             add_named(distances, f"{one} to {other}", part.expression(q))
             solids.append(both)
+            lower.append(least)
     segments = _segments(placed, q) if obstacles else {}
     moving = [each.name for each in placed.solids if each.moves]
     for number, obstacle in enumerate(obstacles):
@@ -193,6 +213,7 @@ def keep_clear(
                     add_named(distances, name, found)
                     solids.append(None)
                     parts.append(None)
+                    lower.append(margin)
     if not distances:
         return None
     together = ca.cse(ca.vertcat(*distances.values()))
@@ -214,8 +235,7 @@ def keep_clear(
         pair = solids[index]
         return pair is None or is_closer_at(*pair, posed(at), 0, distance)
 
-    lower = np.full(len(distances), margin)
-    return Clearance(function, lower, tuple(distances), exact, closer, tuple(parts))
+    return Clearance(function, np.array(lower), tuple(distances), exact, closer, tuple(parts))
 
 
 def joined_clearance(parts: Sequence[Clearance], dof: int) -> Clearance:
@@ -312,11 +332,12 @@ def _pairs(
     pairs: LinkPairs | Sequence[tuple[str, str]] | None,
     placements: Sequence[Any] | None,
     margin: float,
-) -> tuple[PlacedSolids, Sequence[tuple[str, str]], Sequence[float]]:
-    """Return the links of the arms, the pairs to be kept apart, and the excess of each."""
+) -> tuple[PlacedSolids, Sequence[tuple[str, str]], Sequence[float], Sequence[float]]:
+    """Return the links of the arms, the pairs to be kept apart, and excess and margin of each."""
     if pairs is None or isinstance(pairs, LinkPairs):
         found = pairs_of(arms, placements, pairs, margin)
-        return found.solids, found.constrained, found.excess
+        margins = [found.margin(*pair, margin) for pair in found.constrained]
+        return found.solids, found.constrained, found.excess, margins
     placed = place_solids(arms, placements)
     named = [as_pair(pair) for pair in pairs]
     for link in (link for pair in named for link in pair):
@@ -325,7 +346,7 @@ def _pairs(
                 f"pairs: there is no link {link!r} with geometry within reach; there are "
                 f"{', '.join(placed.by_name) or 'none'}"
             )
-    return placed, named, [0.0] * len(named)
+    return placed, named, [0.0] * len(named), [margin] * len(named)
 
 
 def _check_obstacle(obstacle: Obstacle) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import combinations
@@ -35,6 +35,8 @@ _ALWAYS, _SOME, _MANY = 0.95, 0.05, 0.25  # shares of the sampled configurations
 _KEPT = 0.75  # of an excess, as no sample is the worst case
 _ENOUGH = 8  # close ones, for an excess
 _SAME = 1e-9  # [m]: rounding
+_CAP = 0.5  # of the largest distance of a pair, that it can be kept apart
+_CLOSEST = 4e-3  # [m]: links that are never farther apart are those of a joint, as if in contact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,7 +52,12 @@ class LinkPairs(ShortRepr):
         exact_only: pairs whose capsules are too wide to constrain them: they would exclude more
             than a quarter of the configurations without contact, or, where the links hardly ever
             touch, more than 5 %. Their distance is computed from the exact geometry alone.
-        in_contact: pairs of links that touch in nearly every configuration, as neighbours do.
+        in_contact: pairs of links that touch in nearly every configuration, as neighbours do, or
+            are never more than 4 mm apart.
+        exempt: pairs whose collisions a file disables (`disable_collisions` of an SRDF), each with
+            its name. They are neither kept apart nor checked.
+        reach: the largest distance [m] in the sampled configurations of each pair that never comes
+            as far apart as twice the margin. Half of it is the margin of that pair.
         unknown: what is not known, a sentence each.
         solids: the links that the pairs are of.
     """
@@ -59,6 +66,8 @@ class LinkPairs(ShortRepr):
     excess: tuple[float, ...]
     exact_only: tuple[Pair, ...]
     in_contact: tuple[Pair, ...]
+    exempt: Mapping[Pair, str]
+    reach: Mapping[Pair, float]
     unknown: tuple[str, ...]
     solids: PlacedSolids
     _shown = ("constrained", "exact_only", "unknown")
@@ -68,7 +77,16 @@ class LinkPairs(ShortRepr):
         if self.exact_only:
             names = ", ".join(f"{one} to {other}" for one, other in self.exact_only)
             parts.append(f"checked and not constrained, as capsules are too wide for them: {names}")
+        for (one, other), reach in self.reach.items():
+            away = f"{one} to {other}, which are at most {1e3 * reach:.3g} mm apart"
+            parts.append(f"kept apart by {1e3 * _CAP * reach:.2g} mm: {away}")
+        for file, count in Counter(self.exempt.values()).items():
+            parts.append(f"{count} pairs are exempt, as {file} disables their collisions")
         return "; ".join([*parts, *self.unknown])
+
+    def margin(self, one: str, other: str, margin: float) -> float:
+        """Return the margin [m] of a pair: no more than half the largest distance it can have."""
+        return min(margin, _CAP * self.reach.get((one, other), np.inf))
 
 
 def link_pairs(
@@ -79,8 +97,9 @@ def link_pairs(
 ) -> LinkPairs:
     """Return the pairs of links of one or several arms that have to be kept apart.
 
-    Links that move relative to each other, except neighbours in the chain and those that touch in
-    95 % of the sampled configurations. Links that do not move, such as a torso, count as far as the
+    Links that move relative to each other, except neighbours in the chain, those that touch in
+    95 % of the sampled configurations, and those whose collisions the SRDF of the robot disables
+    for another reason than "Default". Links that do not move, such as a torso, count as far as the
     arm can reach them. For two arms of one robot file the links of one are paired with those of the
     other; for other arms only with `placements`.
 
@@ -98,15 +117,28 @@ def link_pairs(
     poses = placed.joint_poses(sampled_configurations(models, _SAMPLES))
     many = cache(lambda: placed.joint_poses(sampled_configurations(models, _MORE_SAMPLES)))
     kept: dict[str, dict[Pair, float]] = {"constrained": {}, "exact_only": {}, "in_contact": {}}
+    exempt, reaches = dict[Pair, str](), dict[Pair, float]()
     for one, other in combinations(placed.solids, 2):
-        if _can_meet(one, other, placed.placed):
-            kind, excess = _kind(one, other, margin, poses, many)
-            kept.setdefault(kind, {})[one.name, other.name] = excess
+        if not _can_meet(one, other, placed.placed):
+            continue
+        pair = one.name, other.name
+        if file := _disabled_by(one, other, placed):
+            exempt[pair] = file
+            continue
+        reach = _reach(one, other, margin / _CAP, poses)
+        kind, excess = _kind(one, other, min(margin, _CAP * reach), poses, many)
+        if reach <= _CLOSEST:
+            kind = "in_contact"
+        kept.setdefault(kind, {})[pair] = excess
+        if kind in ("constrained", "exact_only") and reach < np.inf:
+            reaches[pair] = reach
     return LinkPairs(
         tuple(kept["constrained"]),
         tuple(kept["constrained"].values()),
         tuple(kept["exact_only"]),
         tuple(kept["in_contact"]),
+        exempt,
+        reaches,
         placed.unknown,
         placed,
     )
@@ -136,6 +168,25 @@ def _can_meet(one: PlacedSolid, other: PlacedSolid, placed: bool) -> bool:
     if one.arm == other.arm and one.solid.joint == other.solid.joint:
         return False
     return one.name != other.parent and other.name != one.parent
+
+
+def _disabled_by(one: PlacedSolid, other: PlacedSolid, placed: PlacedSolids) -> str:
+    """Return the file that disables the collisions of two links; "" if none does."""
+    geometry = placed.models[one.arm].shapes
+    if not isinstance(geometry, LinkGeometry) or not (one.arm == other.arm or placed.one_robot):
+        return ""
+    return geometry.disabled.get(frozenset((one.solid.link, other.solid.link)), "")
+
+
+def _reach(one: PlacedSolid, other: PlacedSolid, enough: float, poses: Sequence[Pose]) -> float:
+    """Return the largest distance [m] of two links; infinite if it is enough."""
+    distances = capsule_distances(one, other, poses).min(axis=0)
+    farthest_first = np.argsort(-distances).tolist()
+    if distances.max() > enough or not all(
+        is_closer_at(one, other, poses, k, enough) for k in farthest_first
+    ):
+        return np.inf
+    return max(exact_distance_at(one, other, poses, k) for k in range(len(distances)))
 
 
 def _kind(
@@ -238,6 +289,7 @@ class PlacedSolids:
         bases: poses of their bases in the common base frame.
         solids: their links with geometry; what several arms of one robot share is there once.
         placed: whether it is known where the arms are relative to each other.
+        one_robot: whether they are different joints of one file.
         unknown: what is not known, a sentence each.
     """
 
@@ -245,6 +297,7 @@ class PlacedSolids:
     bases: tuple[Pose, ...]
     solids: tuple[PlacedSolid, ...] = field(repr=False)
     placed: bool
+    one_robot: bool
     unknown: tuple[str, ...]
 
     @property
@@ -324,7 +377,7 @@ def place_solids(
         for arm, solid in found
     ]
     reached = _within_reach(models, bases, named, placed)
-    return PlacedSolids(models, bases, reached, placed, tuple(unknown))
+    return PlacedSolids(models, bases, reached, placed, is_one_robot, tuple(unknown))
 
 
 def _is_one_robot(

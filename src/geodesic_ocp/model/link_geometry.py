@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
@@ -105,12 +105,15 @@ class LinkGeometry:
         text: text of the file, as Pinocchio reads it.
         name: name of the file, for messages.
         folder: folder of the file; meshes are searched for in it and all its parents.
+        disabled: pairs of links that are not checked for collisions, each with the name of the file
+            that says so.
     """
 
     pin: pin.Model
     text: str = field(repr=False)
     name: str
     folder: Path | None
+    disabled: Mapping[frozenset[str], str] = field(default_factory=dict, repr=False)
 
     def __call__(self) -> tuple[Body, ...]:
         """Return capsules and spheres in the frames of the links.

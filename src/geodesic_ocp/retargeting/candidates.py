@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
-from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
 from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
 from geodesic_ocp.retargeting.waypoints import (
@@ -183,6 +183,10 @@ _TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
+# What distances lack to their bounds at most (k,) [m], at configurations (k, n).
+Lacks: TypeAlias = Callable[[Array], Array]
+
+
 class StartConfigurations(NamedTuple):
     """Configurations at the waypoints (m + 1, n), and their cost.
 
@@ -199,32 +203,46 @@ def least_action(waypoints: ArmWaypoints, layers: Sequence[Candidates]) -> float
     return _best(waypoints, ObjectiveWeights(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
 
 
-def own_distances(
+def own_lacks(
     clearance: Clearance | None, arms: Sequence[ArmWaypoints], number: int
-) -> ca.Function | None:
-    """Return excess of distances over their bounds (m,), of those that depend on one arm alone.
+) -> Lacks | None:
+    """Return the function of what distances lack to their bounds, those that depend on one arm.
 
-    A function of the joints of this arm; None if there are none.
+    By the exact geometry where it is known: wide capsules overlap in most configurations, also of
+    links that are far apart. None if there are none.
     """
     if clearance is None:
         return None
     first = sum(arm.arm.dof for arm in arms[:number])
+    after = first + arms[number].arm.dof
     q = ca.SX.sym("q", clearance.dof)
-    own, after = q[first : first + arms[number].arm.dof], first + arms[number].arm.dof
-    excess = clearance.function(q) - ca.DM(clearance.lower)
-    rows = ca.which_depends(excess, own, 1, True)
+    distances = clearance.function(q)
+    rows = ca.which_depends(distances, q[first:after], 1, True)
     if (others := ca.vertcat(q[:first], q[after:])).numel():
-        shared = ca.which_depends(excess, others, 1, True)
+        shared = ca.which_depends(distances, others, 1, True)
         rows = [mine and not theirs for mine, theirs in zip(rows, shared, strict=True)]
-    kept = np.flatnonzero(rows).tolist()
-    return ca.Function("excess", [own], [excess[kept]]) if kept else None
+    if not any(rows):
+        return None
+    own, known = clearance.only(np.flatnonzero(rows).tolist()), dict[bytes, float]()
+
+    def lacks(q: Array) -> Array:
+        keys = [each.tobytes() for each in q]
+        if new := [k for k, key in enumerate(keys) if key not in known]:
+            points, most = np.zeros((len(new), own.dof)), np.zeros(len(new))
+            points[:, first:after] = q[new]
+            active = active_rows(own, points)
+            np.maximum.at(most, active.samples, active.lacks)
+            known.update(zip((keys[k] for k in new), most.tolist(), strict=True))
+        return np.array([known[key] for key in keys])
+
+    return lacks
 
 
 def find_start(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
     layers: Sequence[Candidates],
-    distances: ca.Function | None = None,
+    lacks: Lacks | None = None,
 ) -> StartConfigurations:
     """Return the configurations at the waypoints from which the program starts.
 
@@ -232,10 +250,10 @@ def find_start(
         waypoints: waypoints of an arm.
         weights: weights of the objective.
         layers: configurations at each waypoint, around which others are sought.
-        distances: excess of distances over their bounds, see `own_distances`.
+        lacks: what distances lack, see `own_lacks`.
     """
     rng = np.random.default_rng(1)
-    best = _best(waypoints, weights, layers, distances)
+    best = _best(waypoints, weights, layers, lacks)
     for _ in range(_ROUNDS):
         finer = []
         for number, layer in enumerate(layers):
@@ -249,7 +267,7 @@ def find_start(
             more = candidates_near(waypoints, number, starts)
             finer.append(layer.joined(more, waypoints.near_misses))
         layers, before = tuple(finer), best
-        best = _best(waypoints, weights, layers, distances)
+        best = _best(waypoints, weights, layers, lacks)
         if best.cost > 0.99 * before.cost:
             break
     return best
@@ -259,14 +277,13 @@ def _best(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
     layers: Sequence[Candidates],
-    distances: ca.Function | None = None,
+    lacks: Lacks | None = None,
 ) -> StartConfigurations:
     matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
     nodes = [node_costs(waypoints, weights, number, layer) for number, layer in enumerate(layers)]
-    if distances is not None:
+    if lacks is not None:
         for costs, layer in zip(nodes, layers, strict=True):
-            least = distances.map(len(layer.q))(layer.q.T).full().min(axis=0)
-            costs += _TOO_NEAR * np.maximum(-least, 0.0)
+            costs += _TOO_NEAR * lacks(layer.q)
     edges = partial(_edge_costs, waypoints, weights, layers, matrices)
     chosen, cost = shortest_path(nodes, edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])

@@ -201,7 +201,7 @@ def _links_apart(robots: tuple[Model, ...], margin: float) -> Clearance | None:
         return None
     close = {f"{one} to {other}" for one, other in pairs.exact_only}
     wide = [name.partition(" (")[0] in close for name in every.names]
-    return replace(every, lower=np.where(wide, _CLOSE, every.lower))
+    return replace(every, lower=np.where(wide, np.minimum(_CLOSE, every.lower), every.lower))
 
 
 def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Clearance:

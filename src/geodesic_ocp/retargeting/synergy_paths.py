@@ -7,8 +7,7 @@ paths, then with the distances that were too small, at the instants at which the
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import casadi as ca
@@ -30,7 +29,7 @@ from geodesic_ocp.retargeting.candidates import (
     first_candidates,
     least_action,
     off_the_way,
-    own_distances,
+    own_lacks,
 )
 from geodesic_ocp.retargeting.paths_program import ArmPart, MotionProgram, positions_at
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
@@ -54,7 +53,7 @@ _HOPELESS = 0.8  # of what distances lacked before a round, that they still lack
 _ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
 _BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
 # Weight of the squared error of a pose at which links are too near [1/m^2] or [1/rad^2].
-_YIELDING = 50.0
+_YIELDING = 500.0
 
 # Lower bounds [m] of distances, by their number in the clearance and the time in the recording [s].
 Rows = Mapping[tuple[int, float], float]
@@ -178,7 +177,8 @@ class SynergyPaths(ShortRepr, Problem):
         """Return the best solution, from straight lines between configurations with the poses.
 
         These are the shortest path through the candidates of each arm. If links cannot be moved
-        apart from there, it is tried from the shortest path that keeps distances.
+        apart from there, it is tried from the shortest path that keeps distances. Poses are given
+        up last, in the better one of both.
         """
         edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in self.arms]))
         layers = self.candidates or tuple(tuple(first_candidates(arm)) for arm in self.arms)
@@ -192,7 +192,7 @@ class SynergyPaths(ShortRepr, Problem):
         rounds = _Rounds(clearance, edges, weights, self.tolerance)
         report = self.progress or no_progress
         report("choosing configurations", 0, 3)
-        found: list[_Iterate] = []
+        found: list[_Apart] = []
         lacking: list[_Lacking] = []  # distances of each
         free: list[float] = []  # objectives without distances
         for number, start in enumerate(self._starts(layers, weights)):
@@ -201,14 +201,20 @@ class SynergyPaths(ShortRepr, Problem):
             if any(np.isclose(iterate.objective, each, rtol=_SAME) for each in free):
                 continue  # it leads to the same paths
             free.append(iterate.objective)
-            found.append(rounds.kept_apart(iterate) if iterate.success else iterate)
-            lacking.append(_lacking_distances(clearance, found[-1]))
+            kept = _Apart(iterate, iterate)
+            found.append(rounds.kept_apart(kept) if iterate.success else kept)
+            lacking.append(_lacking_distances(clearance, found[-1].paths))
             if iterate.success and not lacking[-1]:
                 break
-        scores = list(map(partial(_score, rounds), found, lacking))
+        scores = [
+            _score(rounds, each.paths, less) for each, less in zip(found, lacking, strict=True)
+        ]
         best = min(range(len(found)), key=scores.__getitem__)
-        iterations = sum(each.iterations for each in found)
-        return _planned(self, found[best], lacking[best], rounds, iterations)
+        if found[best].paths.success and lacking[best]:
+            found[best] = rounds.kept_apart(found[best], yielding=True)
+            lacking[best] = _lacking_distances(clearance, found[best].paths)
+        iterations = sum(each.paths.iterations for each in found)
+        return _planned(self, found[best].paths, lacking[best], rounds, iterations)
 
     def _starts(
         self, layers: Sequence[Sequence[Candidates]], weights: ObjectiveWeights
@@ -221,8 +227,8 @@ class SynergyPaths(ShortRepr, Problem):
         for clearance in dict.fromkeys((None, self.clearance)):
             parts, nodes, lines = [], [], []
             for number, arm in enumerate(self.arms):
-                distances = own_distances(clearance, self.arms, number)
-                start = find_start(arm, weights, layers[number], distances)
+                lacks = own_lacks(clearance, self.arms, number)
+                start = find_start(arm, weights, layers[number], lacks)
                 parts.append(
                     ArmPart.evenly(arm, definitions[number], start.missed, _SEGMENTS, _DEGREE)
                 )
@@ -249,6 +255,15 @@ class _Iterate:
     kept: tuple[int, ...] = ()
     success: bool = False
     status: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Apart:
+    """Paths that are kept apart, those without distances, and bounds of the distances kept."""
+
+    paths: _Iterate
+    free: _Iterate
+    rows: Rows = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,21 +322,25 @@ class _Rounds:
 
         return in_rounds(start, solve, examine, _ROUNDS)
 
-    def kept_apart(self, start: _Iterate) -> _Iterate:
+    def kept_apart(self, start: _Apart, yielding: bool = False) -> _Apart:
         """Return the solution with all distances above their bounds, or the last one that was
         found.
 
         Only those distances enter the program that are below their bounds at some instants, and
-        only at these instants. Where that does not help, poses at which links are too near are
-        replaced by the nearest ones at which they are not.
+        only at these instants.
+
+        Args:
+            start: the paths so far.
+            yielding: where that has not helped, replace poses at which links are too near by the
+                nearest ones at which they are not.
         """
         clearance = self.clearance
-        rows: dict[tuple[int, float], float] = {}
-        free, lacking, failed = start, np.inf, False
+        rows = dict(start.rows)
+        free, lacking, failed = start.free, np.inf, False
 
         def solve(iterate: _Iterate) -> _Iterate:
             nonlocal failed
-            if not rows:
+            if iterate is start.paths:  # known already
                 return iterate
             found = self.refined(replace(iterate, success=False), rows)
             failed = not found.success
@@ -334,9 +353,10 @@ class _Rounds:
             more, lacks = _too_near(clearance, iterate)
             if not more or failed or number == _DISTANCE_ROUNDS:
                 return iterate, None
-            following = iterate
-            if not more.keys() - rows.keys() or lacks > _HOPELESS * lacking:
-                if (missed := _yielding(clearance, iterate)) is None:
+            following = replace(iterate)
+            helped = bool(more.keys() - rows.keys()) and lacks <= _HOPELESS * lacking
+            if not helped or (yielding and number == 0):
+                if not yielding or (missed := _yielding(clearance, iterate)) is None:
                     return iterate, None
                 # From the paths without distances, as poses that cannot be attained led astray.
                 pairs = zip(free.parts, missed, strict=True)
@@ -346,7 +366,8 @@ class _Rounds:
             lacking = lacks
             return iterate, following
 
-        return in_rounds(start, solve, examine, _DISTANCE_ROUNDS + 1)
+        paths = in_rounds(start.paths, solve, examine, _DISTANCE_ROUNDS + 1)
+        return _Apart(paths, free, rows)
 
 
 def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:
@@ -405,7 +426,7 @@ def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
         active = active_rows(clearance, positions_at(iterate.parts, iterate.nodes, times), -_BELOW)
         near = np.zeros(times.size, dtype=bool)
         near[active.samples[active.lacks > 0.0]] = True
-        new = near & (part.missed == 0.0)
+        new = near & (part.missed != _YIELDING)
         new[0] &= given.start is None
         every.append(np.where(new, _YIELDING, part.missed))
         any_new |= bool(new.any())

@@ -14,7 +14,12 @@ import pinocchio as pin
 from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.model.formats.mjcf import mjcf_model
 from geodesic_ocp.model.formats.simox import simox_model
-from geodesic_ocp.model.formats.urdf import Mimic, apply_mimics, urdf_model
+from geodesic_ocp.model.formats.urdf import (
+    Mimic,
+    apply_mimics,
+    srdf_disabled_collisions,
+    urdf_model,
+)
 from geodesic_ocp.model.joints import (
     frame_index,
     motion_subspace,
@@ -87,7 +92,9 @@ def read_description(
         return Description(simox_model(root, name, height, mass))
     if height is not None or mass is not None:
         raise ValueError(f"height and mass scale MMM models, but {name} is not one")
+    disabled: Mapping[frozenset[str], str] = {}
     if root.tag == "robot":
+        disabled = {} if folder is None else srdf_disabled_collisions(folder / name)
         model, mimics, faults, text = urdf_model(root, text, name)
     elif root.tag == "mujoco":
         model, mimics, faults, text = mjcf_model(root, name, folder)
@@ -96,7 +103,7 @@ def read_description(
             f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root "
             f"element is <{root.tag}>"
         )
-    shapes = LinkGeometry(model, text, name, folder and folder.absolute())
+    shapes = LinkGeometry(model, text, name, folder and folder.absolute(), disabled)
     return Description(model, mimics, faults, shapes)
 
 

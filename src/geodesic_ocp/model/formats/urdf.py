@@ -194,18 +194,39 @@ def srdf_armature(urdf: Path) -> dict[str, float]:
     Raises:
         ValueError: a value is not a finite number that is not negative; names the joint.
     """
-    robot = _root(urdf)
     found: dict[str, float] = {}
-    for file in sorted(urdf.parent.parent.glob("srdf/*.srdf")):
-        root = _root(file)
-        if robot is None or root is None or root.get("name") != robot.get("name"):
-            continue
+    for file, root in _srdf_files(urdf):
         for joint in root.iterfind("rotor_params/joint"):
             location = f"{file.name}: rotor_params of joint {joint.get('name')!r}"
             rotor = _not_negative(joint, "mass", f"{location}: mass")
             ratio = _not_negative(joint, "gear_ratio", f"{location}: gear_ratio")
             found.setdefault(joint.get("name", ""), ratio**2 * rotor)
     return found
+
+
+def srdf_disabled_collisions(urdf: Path) -> dict[frozenset[str], str]:
+    """Return the pairs of links whose collisions the SRDF for a URDF disables, each with its file.
+
+    Those disabled for the reason "Default" are left out: they touch in one configuration, the
+    default one, which says nothing of the others.
+
+    The SRDF is found as in `srdf_armature`.
+    """
+    return {
+        frozenset((pair.get("link1", ""), pair.get("link2", ""))): file.name
+        for file, root in _srdf_files(urdf)
+        for pair in root.iterfind("disable_collisions")
+        if pair.get("reason") != "Default"
+    }
+
+
+def _srdf_files(urdf: Path) -> Iterator[tuple[Path, ET.Element]]:
+    """Yield the files in the folder `srdf` beside that of a URDF that are for the same robot."""
+    robot = _root(urdf)
+    for file in sorted(urdf.parent.parent.glob("srdf/*.srdf")):
+        root = _root(file)
+        if robot is not None and root is not None and root.get("name") == robot.get("name"):
+            yield file, root
 
 
 def set_armature(model: pin.Model, armature: Mapping[str, float]) -> None:
