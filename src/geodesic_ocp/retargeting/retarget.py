@@ -229,7 +229,8 @@ def _paired(
         bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)
-        pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
+        pair = PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses)
+        pairs.append(pair.without_drifts())
     return pairs
 
 

@@ -224,7 +224,9 @@ class SynergyPaths(ShortRepr, Problem):
                 distances = own_distances(clearance, self.arms, number)
                 start = find_start(arm, weights, layers[number], distances)
                 parts.append(
-                    ArmPart.evenly(arm, definitions[number], start.missed, _SEGMENTS, _DEGREE)
+                    ArmPart.evenly(
+                        arm, definitions[number], start.missed, _SEGMENTS, _DEGREE, start.allowed
+                    )
                 )
                 nodes.append(parts[-1].nodes_on_lines(start.q))
                 lines.append(start.q.ravel())
@@ -340,7 +342,13 @@ class _Rounds:
                     return iterate, None
                 # From the paths without distances, as poses that cannot be attained led astray.
                 pairs = zip(free.parts, missed, strict=True)
-                free = replace(free, parts=tuple(replace(one, missed=each) for one, each in pairs))
+                free = replace(
+                    free,
+                    parts=tuple(
+                        replace(one, missed=each, allowed=one.allowed & (each == one.missed))
+                        for one, each in pairs
+                    ),
+                )
                 following, lacks = replace(free, iterations=iterate.iterations), np.inf
             rows.update(more)
             lacking = lacks
@@ -405,7 +413,7 @@ def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
         active = active_rows(clearance, positions_at(iterate.parts, iterate.nodes, times), -_BELOW)
         near = np.zeros(times.size, dtype=bool)
         near[active.samples[active.lacks > 0.0]] = True
-        new = near & (part.missed == 0.0)
+        new = near & ((part.missed == 0.0) | part.allowed)
         new[0] &= given.start is None
         every.append(np.where(new, _YIELDING, part.missed))
         any_new |= bool(new.any())
