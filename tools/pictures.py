@@ -30,7 +30,6 @@ from geodesic_ocp.drawing.save_video import save_video
 from geodesic_ocp.drawing.styles import new_figure
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-NEAR_MISSES = 0.04  # [m and rad]
 HEIGHT = 1.78  # [m], of the person, as the recording states
 DPI = 150.0
 
@@ -129,7 +128,7 @@ def draw_inertia(figure: Figure, recordings: list[go.recordings.Recording]) -> N
 
 def make_show(path: Path) -> None:
     """The person and the Panda side by side."""
-    playback = playback_of(retargeted(near_misses=NEAR_MISSES))
+    playback = playback_of(retargeted())
     scenes = tuple(replace(scene, note="") for scene in playback.scenes)
     save_video(replace(playback, scenes=scenes, title="", plots=()), path, width=800, rate=12.5)
 
@@ -150,14 +149,13 @@ def make_figure(path: Path) -> None:
     retargeted().plot().savefig(path, dpi=DPI)
 
 
-def retargeted(near_misses: float = 0.0) -> go.retargeting.Retargeting:
+def retargeted() -> go.retargeting.Retargeting:
     """The bundled recording on the Panda."""
     recording = str(files("geodesic_ocp") / "data" / "climb.csv")
     arm = go.human_arm("left", height=HEIGHT)
     motion = go.read_motion(recording, joints=arm.joint_names).filtered()
     analysis = go.analyse(arm, motion)
-    settings = go.RetargetingSettings(near_misses=near_misses)
-    return go.retarget(analysis, go.load_model("panda"), settings=settings)
+    return go.retarget(analysis, go.load_model("panda"))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ from geodesic_ocp.retargeting.waypoints import (
     REACHED,
     ArmWaypoints,
     ObjectiveWeights,
-    Pose,
     middle_of_ranges,
     nearest_configurations,
 )

@@ -36,7 +36,7 @@ from geodesic_ocp.synergies.analyse import Analysis
 _GRAVITY = 9.81  # [m/s^2]
 NO_COLLISIONS = CollisionAvoidance()
 REACHED = 1e-6  # [m] and [rad]
-MISSED = 1e-4  # [m] and [rad], error above which an exact pose counts as missed
+MISSED = 1e-4  # [m] and [rad], error beyond what is allowed from which a pose counts as missed
 # How near inverse kinematics comes to the configuration it starts from [rad or m].
 _SETTLED = 1e-2
 _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
@@ -254,8 +254,9 @@ class PairedArm(ShortRepr):
         return self.as_pose(*(each[sample] for each in self.target_poses))
 
     def allowed_miss(self, sample: int) -> tuple[float, float]:
-        """Return distance [m] and angle [rad] by which the pose at a sample may be missed, less what
-        the person's hand drifts by in a rest that follows.
+        """Return distance [m] and angle [rad] by which the pose at a sample may be missed.
+
+        That is the tolerance, less what the person's hand drifts by in a rest that follows.
         """
         rests = [each for each in self.groups if each.kind == "rest" and each.start == sample]
         drift = np.max([(0.0, 0.0), *(self.drift(each) for each in rests)], axis=0)
@@ -272,12 +273,15 @@ class PairedArm(ShortRepr):
         weights = self.settings.position_weight, self.settings.orientation_weight
         return distance * (weights[0] > 0.0), angle * (weights[1] > 0.0)
 
+    def is_missed(self, error: tuple[float, float]) -> bool:
+        """Return whether a distance [m] and angle [rad] from a pose are beyond what is allowed."""
+        return bool(np.any(error > np.asarray(self.settings.allowed_miss) + MISSED))
+
     def without_drifts(self) -> PairedArm:
         """Return the same, with movements in place of rests in which the hand drifts too far."""
-        largest = np.maximum(self.settings.allowed_miss, MISSED)
         groups = (
-            moving(group) if group.kind == "rest" and np.any(self.drift(group) > largest) else group
-            for group in self.groups
+            moving(each) if each.kind == "rest" and self.is_missed(self.drift(each)) else each
+            for each in self.groups
         )
         return replace(self, groups=tuple(groups))
 
@@ -415,7 +419,7 @@ class ArmWaypoints(ShortRepr):
         return (*place, *(() if first.rotation is None else (3, 4, 5)))
 
     def is_allowed(self, number: int, q: Array) -> NDArray[np.bool_]:
-        """Return whether configurations (k, n) miss the pose of a waypoint by no more than allowed."""
+        """Return whether configurations (k, n) miss a waypoint's pose by no more than allowed."""
         if not self.allowed or not any(self.allowed[number]):
             return np.zeros(len(q), dtype=bool)
         errors = np.array([self.poses[number].error(self.arm, each) for each in q])
