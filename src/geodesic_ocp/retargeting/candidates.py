@@ -134,10 +134,7 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
     search = replace(search, bounds=(arm.lower, arm.upper) if waypoints.limited else (-free, free))
     q, errors = search.from_every_start(np.clip(starts, *search.bounds), waypoints.row_weights)
     errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
-    near = errors <= max(waypoints.allowed[number]) if waypoints.allowed else errors == 0.0
-    allowed = errors == 0.0
-    allowed[near] |= waypoints.is_allowed(number, q[near])
-    return _chosen(q, errors, allowed, _MOST)
+    return _chosen(q, errors, (errors == 0.0) | waypoints.is_allowed(number, q), _MOST)
 
 
 def _chosen(q: Array, errors: Array, allowed: NDArray[np.bool_], most: int) -> Candidates:

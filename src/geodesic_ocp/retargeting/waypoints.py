@@ -32,6 +32,7 @@ from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, moving
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.synergies.scores import pose_differences
 
 _GRAVITY = 9.81  # [m/s^2]
 NO_COLLISIONS = CollisionAvoidance()
@@ -420,10 +421,14 @@ class ArmWaypoints(ShortRepr):
 
     def is_allowed(self, number: int, q: Array) -> NDArray[np.bool_]:
         """Return whether configurations (k, n) miss a waypoint's pose by no more than allowed."""
-        if not self.allowed or not any(self.allowed[number]):
-            return np.zeros(len(q), dtype=bool)
-        errors = np.array([self.poses[number].error(self.arm, each) for each in q])
-        return np.asarray(np.all(errors <= self.allowed[number], axis=1))
+        bound = self.allowed[number] if self.allowed else (0.0, 0.0)
+        here, pose = self.arm.hand_pose(q), self.poses[number]
+        targets = (
+            own if part is None else np.broadcast_to(part, own.shape)
+            for part, own in zip((pose.rotation, pose.position), here, strict=True)
+        )
+        distance, angle = pose_differences(here, (next(targets), next(targets)))
+        return np.asarray((distance <= bound[0]) & (angle <= bound[1]))
 
     @property
     def row_weights(self) -> Array:
