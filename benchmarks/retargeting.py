@@ -182,7 +182,8 @@ def _run(
     reasons += checked.violations
     row["failure"] = "; ".join(dict.fromkeys(reasons))
     if not options.quick:
-        measures = compare_under_equal_limits(planned, analysis.motion, arm.mapping)
+        start = arm.baseline.positions[0]
+        measures = compare_under_equal_limits(planned, analysis.motion, arm.mapping, starts=start)
         compared.append(measures)
         ours, theirs, *_ = measures.values()
         row["action_ratio"] = ours.action / theirs.action

@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from geodesic_ocp.arrays import Array, ShortRepr
@@ -46,6 +47,7 @@ NEAR_MISS = "the path ends near the pose, which it would attain by a detour only
 
 _BASELINE_RATE = 200.0  # [Hz], of the controller
 _CLOSE = 1e-3  # [m] and [rad]
+_STARTS, _ANYWHERE = 20, 0.2  # of the baseline, and how near to each other [rad or m]
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
 
@@ -227,14 +229,17 @@ class RetargetedArm(PairedArm):
     def baseline(self) -> JointTrajectory:
         """Inverse kinematics that tracks the hand on its whole way, in the same time and limits.
 
-        It begins where the synergies begin, or at the first pose if they begin elsewhere.
+        It begins in that of several configurations with the first pose from which the hand follows
+        best; if a start was given, in that or in the nearest one with the pose.
         """
         motion, time, settings = self.analysis.motion, self.motion.time, self.settings
         first, start = self.target(self.groups[0].start), self.motion.q[0]
-        if max(first.error(self.robot, start)) > _CLOSE:
-            (start, *_) = nearest_configurations(
-                *(self.bounded, start, first, settings.within_limits, settings.pose_weights),
-                settings.collisions,
+        is_there, is_given = max(first.error(self.robot, start)) <= _CLOSE, self.start is not None
+        starts, count = [start] if is_there else [], 1 if is_given else _STARTS
+        if len(starts) < count:
+            placed = settings.within_limits, settings.pose_weights, settings.collisions
+            starts += nearest_configurations(
+                self.bounded, start, first, *placed, enough=count, settled=_ANYWHERE, least=count
             )
 
         def poses(instants: Array) -> tuple[Array, Array]:
@@ -242,7 +247,7 @@ class RetargetedArm(PairedArm):
             return self.mapping(motion(np.interp(instants, time, motion.time)))
 
         return track_within_limits(
-            *(self.bounded, start, time, poses, self.limits),
+            *(self.bounded, starts[:count], time, poses, self.limits),
             rate=_BASELINE_RATE,
             turning=first.rotation is not None,
             placing=first.position is not None,
@@ -251,8 +256,11 @@ class RetargetedArm(PairedArm):
     @cached_property
     def tracked(self) -> Motion:
         """The baseline at the samples of the recording, in robot time."""
-        times = self.motion.time
-        q, v, _ = self.baseline.states(times)
+        times, tracked = self.motion.time, self.baseline
+        q, v = (  # its speeds are constant over each step
+            np.column_stack([np.interp(times, tracked.time, each) for each in states.T])
+            for states in (tracked.positions, tracked.velocities)
+        )
         return Motion(times, q, self.robot.joint_names, v, self.motion.subject)
 
     @cached_property
@@ -322,6 +330,7 @@ def compare_under_equal_limits(
     rate: float = 100.0,
     turning: bool = True,
     placing: bool = True,
+    starts: ArrayLike | None = None,
 ) -> dict[str, MotionMeasures]:
     """Return measures of an arm's planned motion, and of inverse kinematics of the person's hand.
 
@@ -334,7 +343,7 @@ def compare_under_equal_limits(
         mapping: mapping of its hand to the robot's.
         arm: number of the arm.
         rate: rate of the samples and of inverse kinematics [Hz].
-        turning, placing: turning and placing of inverse kinematics, see `track_within_limits`.
+        turning, placing, starts: of inverse kinematics, see `compare_with_tracking`.
 
     Returns:
         Measures by the name of the method, see `measures_table`.
@@ -360,4 +369,5 @@ def compare_under_equal_limits(
         elbow_offsets=offsets,
         turning=turning,
         placing=placing,
+        starts=starts,
     )

@@ -177,6 +177,7 @@ class Retargeting:
             rate=self.rate,
             turning=settings.orientation_weight > 0.0,
             placing=settings.position_weight > 0.0,
+            starts=one.baseline.positions[0],
         )
         return measures_table(found)
 
