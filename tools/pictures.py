@@ -3,9 +3,8 @@
 Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [reach.gif] [panda.png]
         python tools/pictures.py --recordings FILE:SIDE [FILE:SIDE ...] -- scores.png inertia.png
 
-show.gif is the bundled recording beside its retargeting on the Panda, in which poses may be missed
-by up to 4 cm or 0.04 rad where attaining them takes a detour; panda.png the figure of the same with
-the default settings; reach.gif the reach past a lamp of the README. It needs the extras robots and
+show.gif is the bundled recording beside its retargeting on the Panda; panda.png the figure of the
+same; reach.gif the reach past a lamp of the README. It needs the extras robots and
 viewer, and takes about a minute. The same files follow from the same versions of the packages.
 scores.png has the errors of all methods relative to straight lines, inertia.png those of geodesics
 by their joint inertia, on the given recordings and the bundled one.

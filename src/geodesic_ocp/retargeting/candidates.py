@@ -78,7 +78,7 @@ class Candidates(ShortRepr):
         return np.where(self.errors == 0.0, 0.0, weights)
 
     def joined(self, other: Candidates) -> Candidates:
-        """Join candidates; if any pose is as near as allowed, drop those that are not."""
+        """Join candidates; if any attains the pose, drop those that miss it by too much."""
         q = np.vstack([self.q, other.q])
         errors = np.concatenate([self.errors, other.errors])
         allowed = np.concatenate([self.allowed, other.allowed])
@@ -142,7 +142,7 @@ def _chosen(q: Array, errors: Array, allowed: NDArray[np.bool_], most: int) -> C
     first.
     """
     least = float(errors.min())
-    taken = allowed if allowed.any() else errors <= _NEARLY * least + _MORE
+    taken = allowed if least == 0.0 else allowed | (errors <= _NEARLY * least + _MORE)
     order = np.argsort(errors, kind="stable")
     order = order[taken[order]]
     kept: list[int] = []
