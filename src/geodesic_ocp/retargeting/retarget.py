@@ -340,13 +340,12 @@ def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignmen
 
 def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) -> None:
     lines, advice = [], []
-    for pair, missed in zip(pairs, far, strict=True):
+    for pair, poses in zip(pairs, far, strict=True):
+        missed = {number: error for number, error in poses.items() if pair.is_missed(error)}
         for number, (distance, angle) in missed.items():
-            if not pair.is_missed((distance, angle)):
-                continue
             which = "the first pose" if number == 0 else f"the end of synergy {number}"
             lines.append(f"{which} of {pair.robot.name}: {distance:.3g} m and {angle:.3g} rad")
-        if lines:
+        if missed:
             advice.append(_mounting_advice(pair))
     if lines:
         warnings.warn(
