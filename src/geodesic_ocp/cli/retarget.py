@@ -67,8 +67,8 @@ def retarget(
     """Transfer the synergies of a recording to a robot; the exit code is 1 if the result should not
     run on it.
 
-    That is so if the trajectory fails its check or a pose is missed by more than the tolerance.
-    The files are written all the same.
+    That is so if paths or trajectory are not found, or the trajectory fails its check. The files
+    are written all the same. Poses missed by more than the tolerance are named.
 
     Args:
         file: recording, as for geodesic-ocp analyse.
@@ -186,9 +186,10 @@ def _transfer(
             print_written([write_report(result, out / _REPORT)])
         else:
             print(f"\nto see the robot move: geodesic-ocp show {shlex.quote(str(out))}")
-    if faults := result.faults:
-        print("\nnot for a robot:", *faults, sep="\n  ", file=sys.stderr)
-    return 1 if faults else 0
+    if result.faults:
+        title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"
+        print(f"\n{title}:", *result.faults, sep="\n  ", file=sys.stderr)
+    return 1 if result.unfit else 0
 
 
 def _summarize(result: Retargeting) -> None:

@@ -106,12 +106,16 @@ class Retargeting:
 
     @cached_property
     def faults(self) -> tuple[str, ...]:
-        """Why the result is no success, a sentence each."""
+        """Why the result is no success, a sentence each: those of `unfit`, and missed poses."""
+        return (*self.unfit, *(sentence for arm in self.arms for sentence in _missed_poses(arm)))
+
+    @cached_property
+    def unfit(self) -> tuple[str, ...]:
+        """Why the trajectory should not run on a robot, a sentence each."""
         found = [] if self.planned.success else [f"trajectory not found: {self.planned.status}"]
         failed = (each.status for arm in self.arms for each in arm.transfers if not each.success)
         found += [f"path not found: {status}" for status in dict.fromkeys(failed)]
         found += [f"{joint} is too weak to hold its arm" for joint in self.too_weak]
-        found += [sentence for arm in self.arms for sentence in _missed_poses(arm)]
         if self.settings.within_limits:
             found += self.check.violations
         elif self.touches:
