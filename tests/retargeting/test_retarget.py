@@ -227,9 +227,12 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
         del total
         reported.append(f"{label} {done}")
 
-    with pytest.warns(
-        UserWarning, match=r"out of reach, by the nearest pose found: .*: 0\.\d+ m and \d"
-    ) as caught:
+    with (
+        pytest.warns(UserWarning, match="ends .* from its pose, which is out of reach"),
+        pytest.warns(
+            UserWarning, match=r"out of reach, by the nearest pose found: .*: 0\.\d+ m and \d"
+        ) as caught,
+    ):
         found = go.retarget(
             analysis,
             robot,
