@@ -3,9 +3,8 @@
 Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [reach.gif] [panda.png]
         python tools/pictures.py --recordings FILE:SIDE [FILE:SIDE ...] -- scores.png inertia.png
 
-show.gif is the bundled recording beside its retargeting on the Panda, in which poses may be missed
-by up to 4 cm or 0.04 rad where attaining them takes a detour; panda.png the figure of the same with
-the default settings; reach.gif the reach past a lamp of the README. It needs the extras robots and
+show.gif is the bundled recording beside its retargeting on the Panda; panda.png the figure of the
+same; reach.gif the reach past a lamp of the README. It needs the extras robots and
 viewer, and takes about a minute. The same files follow from the same versions of the packages.
 scores.png has the errors of all methods relative to straight lines, inertia.png those of geodesics
 by their joint inertia, on the given recordings and the bundled one.
@@ -30,7 +29,6 @@ from geodesic_ocp.drawing.save_video import save_video
 from geodesic_ocp.drawing.styles import new_figure
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-NEAR_MISSES = 0.04  # [m and rad]
 HEIGHT = 1.78  # [m], of the person, as the recording states
 DPI = 150.0
 
@@ -129,7 +127,7 @@ def draw_inertia(figure: Figure, recordings: list[go.recordings.Recording]) -> N
 
 def make_show(path: Path) -> None:
     """The person and the Panda side by side."""
-    playback = playback_of(retargeted(near_misses=NEAR_MISSES))
+    playback = playback_of(retargeted())
     scenes = tuple(replace(scene, note="") for scene in playback.scenes)
     save_video(replace(playback, scenes=scenes, title="", plots=()), path, width=800, rate=12.5)
 
@@ -150,14 +148,13 @@ def make_figure(path: Path) -> None:
     retargeted().plot().savefig(path, dpi=DPI)
 
 
-def retargeted(near_misses: float = 0.0) -> go.retargeting.Retargeting:
+def retargeted() -> go.retargeting.Retargeting:
     """The bundled recording on the Panda."""
     recording = str(files("geodesic_ocp") / "data" / "climb.csv")
     arm = go.human_arm("left", height=HEIGHT)
     motion = go.read_motion(recording, joints=arm.joint_names).filtered()
     analysis = go.analyse(arm, motion)
-    settings = go.RetargetingSettings(near_misses=near_misses)
-    return go.retarget(analysis, go.load_model("panda"), settings=settings)
+    return go.retarget(analysis, go.load_model("panda"))
 
 
 if __name__ == "__main__":

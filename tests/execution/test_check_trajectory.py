@@ -273,10 +273,11 @@ def test_distances_to_be_kept_are_checked(arm: go.Model, rate: float) -> None:
     near = Clearance(bounds, np.array([0.5, 0.2]), kept.names)
     only(check_trajectory(swing(rate), arm, clearance=near), "hand to body: 0.1 m apart at 1 s")
     # What the function is a lower bound of may be farther away.
-    exact = Clearance(bounds, near.lower, kept.names, exact=lambda q, index: 0.3 + q[0] / 100)
-    found = check_trajectory(swing(rate), arm, clearance=exact)
-    assert found.passed
-    assert found.clearance == pytest.approx(0.3, abs=0.01)
+    for lower in (near.lower, kept.lower):
+        exact = Clearance(bounds, lower, kept.names, exact=lambda q, index: 0.3 + q[0] / 100)
+        found = check_trajectory(swing(rate), arm, clearance=exact)
+        assert found.passed
+        assert found.clearance == pytest.approx(0.3, abs=0.01)
     names = [f"{k}/{name}" for k in range(2) for name in arm.joint_names]
     both = JointTrajectory.side_by_side([swing(), swing()], names)
     with pytest.raises(ValueError, match="clearance must be of the 4 joints"):

@@ -56,6 +56,9 @@ def test_hand_follows_poses_within_reach(arm: go.Model, limits: JointLimits) -> 
         return arm.hand_pose(motion(arm, time))
 
     found = track_within_limits(arm, start, TIME, poses, limits)
+    away = np.clip(start + 0.5, arm.lower, arm.upper)
+    best = track_within_limits(arm, [away, start], TIME, poses, limits)
+    assert_allclose(best.positions, found.positions, atol=0)
     assert_within(arm, limits, found)
     assert found.rate == pytest.approx(200.0)
     rotations, positions = arm.hand_pose(found.positions)

@@ -304,10 +304,11 @@ def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoin
 
 def test_a_small_error_may_save_a_detour() -> None:
     """The shortest path takes a configuration that misses a pose if those with it are far away."""
-    exact = Candidates(np.array([[2.0], [3.0]]), np.zeros(2))
-    near = Candidates(np.array([[0.0]]), np.array([0.01]))
-    assert exact.joined(near, 0.0).q.tolist() == [[2.0], [3.0]]
-    both = exact.joined(near, 0.02)
+    exact = Candidates.attaining(np.array([2.0]), np.array([3.0]))
+    far = Candidates(np.array([[0.0]]), np.array([0.01]), np.array([False]))
+    near = replace(far, allowed=np.array([True]))
+    assert exact.joined(far).q.tolist() == [[2.0], [3.0]]
+    both = exact.joined(near)
     assert both.within_reach
     assert both.q.tolist() == [[2.0], [3.0], [0.0]]
     assert both.missed.tolist() == [0.0, 0.0, pytest.approx(1e4)]

@@ -227,9 +227,12 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
         del total
         reported.append(f"{label} {done}")
 
-    with pytest.warns(
-        UserWarning, match=r"out of reach, the nearest pose is taken: .* by at least 0\.\d+ m"
-    ) as caught:
+    with (
+        pytest.warns(UserWarning, match="ends .* from its pose, which is out of reach"),
+        pytest.warns(
+            UserWarning, match=r"out of reach, by the nearest pose found: .*: 0\.\d+ m and \d"
+        ) as caught,
+    ):
         found = go.retarget(
             analysis,
             robot,
@@ -248,6 +251,16 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
             assert not transfer.within_reach
             assert transfer.position_error == pytest.approx(distance, rel=0.05, abs=1e-3)
             assert "out of reach" in transfer.status
+    # What the motion achieves is told of every pose that is missed by more than the tolerance.
+    assert not found.success
+    assert arm.missed.keys() == {
+        number
+        for number, error in arm.pose_errors.items()
+        if np.any(np.array(error) > (0.0101, 0.0871))
+    }
+    for number, (distance, _) in arm.missed.items():
+        assert any(f"{distance:.3g} m" in fault for fault in found.faults), number
+        assert f"{distance:.3g} m" in said
     assert outside(robot, found.motion.q) <= 0.0
 
 
@@ -276,9 +289,13 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
 
 @pytest.mark.slow
 def test_a_person_who_rests_is_a_robot_that_rests(analysis: go.Analysis, robot: go.Model) -> None:
-    settings = go.RetargetingSettings(drop=100.0, merge=100.0)
+    settings = go.RetargetingSettings(drop=100.0, merge=100.0, pose_tolerance=(1.0, 3.0))
     found = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)
     assert found.success
+    # The person moves on meanwhile, by this much.
+    positions = found.arms[0].target_poses[1]
+    expected = np.linalg.norm(positions[-1] - positions[0])
+    assert found.synergy_table()["hand error [m]"].tolist() == [pytest.approx(expected, abs=1e-6)]
     (arm,) = found.arms
     assert {group.kind for group in arm.groups} == {"rest"}
     still = np.broadcast_to(arm.motion.q[0], found.trajectory.positions.shape)
@@ -318,6 +335,10 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
         ({"scale": -1.0}, "scale must be positive"),
         ({"position_weight": 0.0, "orientation_weight": 0.0}, "not both zero"),
         ({"orientation_weight": -1.0}, "zero or above"),
+        ({"margin": -1.0}, "margin must be zero or above"),
+        ({"pose_tolerance": 0.01}, "pose_tolerance must be a distance"),
+        ({"pose_tolerance": (0.01, -1.0)}, "pose_tolerance must not be negative"),
+        ({"pose_tolerance": (0.01, 5.0)}, "the angle is in rad"),
         ({"energy_weight": 0.0}, "energy_weight must be positive"),
         ({"num_starts": 0}, "num_starts must be a positive integer"),
         ({"num_starts": None}, "num_starts must be a positive integer"),
@@ -501,5 +522,6 @@ def test_an_obstacle_that_cannot_be_avoided_is_no_success(
     settings = replace(SETTINGS, obstacles=[ball], links=hand, self_collision=False, margin=0.0)
     with pytest.warns(UserWarning, match="lamp|from its pose, at which links would be too near"):
         avoiding = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)
-    assert avoiding.success != avoiding.touches
+    assert not avoiding.success
+    assert avoiding.touches or avoiding.arms[0].missed
     assert not avoiding.paths.within_reach[0][-1]  # type: ignore[union-attr]

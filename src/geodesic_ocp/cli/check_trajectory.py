@@ -11,11 +11,12 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.cli.options import Flag, GivenLimits, LimitOptions
 from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.execution import check_trajectory as checks
-from geodesic_ocp.execution.clearance import Clearance, keep_clear
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import align, read_alignment
+from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
 _FREE_FALL = (0.0, 0.0, -9.81)  # [m/s^2]
@@ -106,10 +107,10 @@ def _free_fall(
 
 
 def _clearance(robots: Sequence[Model]) -> Clearance | None:
-    """Return the distances of links from each other; None, with a note, without geometry."""
+    """Return the distances of links that `retarget` keeps; None, with a note, without geometry."""
     reason: object = "the robot has no collision geometry"
     try:
-        found = keep_clear(robots)
+        found = motion_clearance(robots, RetargetingSettings())
     except ValueError as error:
         found, reason = None, error
     if found is None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
+
+import numpy as np
 
 from geodesic_ocp.cli.analyse import analyse_bundled, analyse_file, save_analysis
 from geodesic_ocp.cli.options import (
@@ -32,6 +35,7 @@ from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignm
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.retargeting.waypoints import MISSED
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import text
@@ -59,8 +63,12 @@ def retarget(
     retargeting: RetargetingOptions = RetargetingSettings(),  # noqa: B008
     joint_limits: LimitOptions = GivenLimits(),  # noqa: B008
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
-) -> None:
-    """Transfer the synergies of a recording to a robot.
+) -> int:
+    """Transfer the synergies of a recording to a robot; the exit code is 1 if the result should not
+    run on it.
+
+    That is so if paths or trajectory are not found, or the trajectory fails its check. The files
+    are written all the same. Poses missed by more than the tolerance are named.
 
     Args:
         file: recording, as for geodesic-ocp analyse.
@@ -89,7 +97,7 @@ def retarget(
         print()
     if out is None and report:
         out = Path("geodesic_ocp_retarget")
-    _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report)
+    return _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report)
 
 
 def demo(
@@ -99,7 +107,7 @@ def demo(
     threshold: float = AnalysisSettings.threshold,
     limits: bool = True,
     out: Path = Path("geodesic_ocp_demo"),
-) -> None:
+) -> int:
     """Analyse the bundled recording, and transfer it to a robot if one is named.
 
     Args:
@@ -113,7 +121,7 @@ def demo(
     check_folder(out)
     if robot is None:
         save_analysis(analyse_bundled(settings), out, with_curve=True)
-        return
+        return 0
     arms = _arms([robot], 1)
     if missing := why_no_pages():
         print(f"note: no {_REPORT} will be written: {missing}")
@@ -121,7 +129,9 @@ def demo(
     save_analysis(analysis, out)
     print()
     transfer = RetargetingSettings(limits=limits, speed_limits=limits)
-    _transfer([analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, not missing)
+    return _transfer(
+        [analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, not missing
+    )
 
 
 def _arms(
@@ -156,7 +166,7 @@ def _transfer(
     rate: float,
     out: Path | None,
     with_report: bool,
-) -> None:
+) -> int:
     robots = [robot if payload is None else robot.with_payload(payload) for robot, _ in arms]
     with progress() as bar:
         result = retarget_arms(
@@ -176,16 +186,23 @@ def _transfer(
             print_written([write_report(result, out / _REPORT)])
         else:
             print(f"\nto see the robot move: geodesic-ocp show {shlex.quote(str(out))}")
+    if result.faults:
+        title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"
+        print(f"\n{title}:", *result.faults, sep="\n  ", file=sys.stderr)
+    return 1 if result.unfit else 0
 
 
 def _summarize(result: Retargeting) -> None:
     for arm in result.arms:
-        worst = max(max(each.position_error, each.rotation_error) for each in arm.transfers)
-        unreached = len(arm.out_of_reach)
+        errors = np.array(list(arm.pose_errors.values()))
+        missed = int(np.sum(errors.max(axis=1) > MISSED))
+        distance, angle = errors.max(axis=0)
+        poses = (
+            f"{missed} of {len(errors)} poses missed, by at most {distance:.2g} m, {angle:.2g} rad"
+        )
         print(
             f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "
-            f"positions scaled by {arm.mapping.scale:.3g}; largest pose error {worst:.1e} m or rad"
-            f"{f', {unreached} poses out of reach' if unreached else ''}"
+            f"positions scaled by {arm.mapping.scale:.3g}; {poses}"
         )
     time = "the person's time"
     if result.stretch > _LONGER:

@@ -423,14 +423,18 @@ def _exact_below(clearance: Clearance, q: Array, index: int, most: float) -> flo
 def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:
     """Return least of each distance (m,) [m] over configurations q (k, N), and where it is (m,).
 
-    It is that of the exact geometry where the function is below its bound.
+    It is that of the exact geometry where the function is below its bound, and the least of all
+    distances always is.
     """
     distances = np.asarray(evaluate(clearance.function.map(len(q)), q.T))
     samples = np.argmin(distances, axis=1)
     least = distances.min(axis=1)
     if clearance.exact is None:
         return least, samples
-    for row in np.flatnonzero(least < clearance.lower).tolist():
+    smallest = np.inf
+    for row in np.argsort(least).tolist():
+        if least[row] >= max(clearance.lower[row], smallest):
+            continue  # the function is a lower bound: this one is farther apart
         least[row], part = np.inf, clearance.part(row)
         farther = np.zeros(len(q), dtype=bool)
         for sample in np.argsort(distances[row]).tolist():
@@ -442,4 +446,5 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
             if exact < least[row]:
                 least[row], samples[row] = exact, sample
             farther |= part.moved(q, q[sample]) <= exact - least[row]
+        smallest = min(smallest, least[row])
     return least, samples

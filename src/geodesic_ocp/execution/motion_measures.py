@@ -185,14 +185,14 @@ def compare_with_tracking(
     elbow_offsets: ElbowOffsets | None = None,
     turning: bool = True,
     placing: bool = True,
+    starts: ArrayLike | None = None,
     name: str = "geodesic synergies",
 ) -> dict[str, MotionMeasures]:
     """Return measures of a trajectory, and of inverse kinematics that tracks the hand
     (`measures_table`).
 
-    All begin in one configuration and are under the same limits on joints, speeds and
-    accelerations, from rest to rest. The hand is tracked in the time of the trajectory, and once
-    more in the person's own time.
+    All are under the same limits on joints, speeds and accelerations, from rest to rest. The hand
+    is tracked in the time of the trajectory, and once more in the person's own time.
 
     Args:
         robot: the arm, payload included.
@@ -203,6 +203,7 @@ def compare_with_tracking(
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
         elbow_offsets: elbow offsets of the robot and of the person, in lengths of the arm.
         turning, placing: settings of inverse kinematics, see `track_within_limits`.
+        starts: where it begins, likewise; None: where the trajectory begins.
         name: name of the trajectory.
 
     Raises:
@@ -224,6 +225,7 @@ def compare_with_tracking(
         )
 
     found = {name: measured(trajectory, time)}
+    begin = trajectory.positions[0] if starts is None else starts
     own = trajectory.time[0] + np.array([0.0, time[-1] - time[0]])
     clocks = {"": (trajectory.time, time), ", the person's time": (own, time[[0, -1]])}
     for suffix, clock in clocks.items():
@@ -232,7 +234,7 @@ def compare_with_tracking(
             return poses(np.interp(instants, *clock))
 
         tracked = track_within_limits(
-            *(robot, trajectory.positions[0], clock[0], in_time, limits),
+            *(robot, begin, clock[0], in_time, limits),
             rate=rate,
             turning=turning,
             placing=placing,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import casadi as ca
 import daqp
@@ -27,6 +27,7 @@ from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_s
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.synergies.baselines import Poses
+from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 StepSolver: TypeAlias = Callable[[Array, Array, Array, Array, float, tuple[Array, Array]], Array]
@@ -35,6 +36,7 @@ _DAMPING = 1e-2  # [m or rad of the hand per unit of a joint]
 _EVEN = 1e-6  # share of a step
 _MANY = 1_000_000  # steps, where the end is not known
 _FEWEST = 3  # steps: at rest, in motion, at rest
+_COARSE = 25.0  # [Hz], at which starts are compared
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
 _ACCURACY = 1e-10  # [rad/s or m/s], of speeds
 
@@ -71,7 +73,8 @@ def track_within_limits(
 
     Args:
         model: a robot arm.
-        start: configuration (n,), within the limits.
+        start: configuration (n,), within the limits; or several (k, n), of which that is taken from
+            which the hand follows best: by the sum of its mean distance [m] and angle [rad].
         time: increasing times (k,) [s], of which a function `poses` needs the first and last only.
         poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand as a function of m times,
             or the two arrays at the k times.
@@ -93,11 +96,27 @@ def track_within_limits(
     Raises:
         ValueError: wrong shapes or numbers, a start outside the limits, less than three steps.
     """
-    q, limits = checked_start(model, start), checked_limits(model, limits)
+    starts = [checked_start(model, each) for each in np.atleast_2d(np.asarray(start, dtype=float))]
+    limits, rate = checked_limits(model, limits), as_positive("rate", rate, "Hz")
     if not (turning or placing):
         raise ValueError("turning and placing are both False: there is nothing to track")
+    if len(starts) > 1:
+        shared: dict[str, Any] = {
+            **{"posture": posture, "posture_weight": posture_weight, "smoothing": smoothing},
+            **{"turning": turning, "placing": placing, "solver": solver},
+        }
+        span = np.ptp(np.asarray(time, dtype=float))
+        coarse = min(rate, max(_COARSE, 2.0 * _FEWEST / span))
+        rotations, places, _ = _targets(time, poses, 1.0 / coarse)
+
+        def lag(q: Array) -> float:
+            tracked = track_within_limits(model, q, time, poses, limits, rate=coarse, **shared)
+            found = pose_differences(model.hand_pose(tracked.positions), (rotations, places))
+            return float(placing * found[0].mean() + turning * found[1].mean())
+
+        starts.sort(key=lag)
+    q = starts[0]
     preferred = q if posture is None else as_vector("posture", posture, model.dof)
-    rate = as_positive("rate", rate, "Hz")
     duration = 1.0 / rate
     rotations, places, velocities = _targets(time, poses, duration)
     tracker = Tracker(

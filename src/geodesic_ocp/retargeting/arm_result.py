@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from geodesic_ocp.arrays import Array, ShortRepr
@@ -19,7 +20,6 @@ from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import track_within_limits
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
-from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.candidates import Candidates
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
@@ -41,19 +41,20 @@ from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import time_law
 
-OUT_OF_REACH = "the pose is out of reach; the path ends at the nearest one"
+OUT_OF_REACH = "the pose is out of reach; the path ends near it"
 TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
 NEAR_MISS = "the path ends near the pose, which it would attain by a detour only"
 
 _BASELINE_RATE = 200.0  # [Hz], of the controller
 _CLOSE = 1e-3  # [m] and [rad]
+_STARTS, _ANYWHERE = 20, 0.2  # of the baseline, and how near to each other [rad or m]
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
 
 
-# Distance [m] and angle [rad] of the nearest pose, for poses out of reach, by number of the pose: 0
-# is the first pose, k the end of synergy k, counted from 1.
-OutOfReach = Mapping[int, tuple[float, float]]
+# Distance [m] and angle [rad] by number of the pose: 0 is the first pose, k the end of synergy k,
+# counted from 1.
+PoseErrors = Mapping[int, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,7 +64,8 @@ class Transfer(ShortRepr):
     Attributes:
         path: path of least energy under the constraints; of zero length if the arm rests.
         pose: the target.
-        within_reach: whether inverse kinematics found a configuration with that pose.
+        within_reach: whether inverse kinematics found a configuration with that pose; True of a
+            rest, for which none is sought.
         position_error, rotation_error: position error and rotation error of the hand at the path's
             end [m], [rad].
         iterations: iterations of Ipopt, on all grids.
@@ -84,7 +86,7 @@ class Transfer(ShortRepr):
 
 def unattained(
     pair: PairedArm, waypoints: ArmWaypoints, layers: Sequence[Candidates]
-) -> OutOfReach:
+) -> PoseErrors:
     """Return poses that none of the candidates at the waypoints attains."""
     numbers = [k for k, group in enumerate(pair.groups, 1) if group.kind != "rest"]
     found = {}
@@ -97,34 +99,32 @@ def unattained(
 
 
 def transfers_on(
-    pair: PairedArm, paths: PlannedPaths, arm: int, out_of_reach: OutOfReach
+    pair: PairedArm, paths: PlannedPaths, arm: int, out_of_reach: PoseErrors
 ) -> list[Transfer]:
     """Return the transfers of the arm with this number, from the program over all synergies."""
-    moved = zip(
-        *(paths.paths[arm], paths.within_reach[arm][1:], paths.near_misses[arm][1:]), strict=False
-    )
+    moved = zip(paths.paths[arm], paths.within_reach[arm][1:], strict=True)
     found, q = list[Transfer](), paths.paths[arm][0].nodes[0]
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":
-            found.append(at_rest(pair.robot, q))
+            found.append(at_rest(pair, group, q))
             continue
-        path, is_attained, was_missed = next(moved)
+        path, is_attained = next(moved)
         q, pose, status = path.nodes[-1], pair.target(group.stop), paths.status
+        errors = pose.error(pair.robot, q)
         if number in out_of_reach:
             status = OUT_OF_REACH
         elif not is_attained:
-            status = NEAR_MISS if was_missed else TOO_NEAR
-        errors = pose.error(pair.robot, q)
+            status = TOO_NEAR if pair.is_missed(errors) else NEAR_MISS
         found.append(
             Transfer(path, pose, is_attained, *errors, paths.iterations, paths.success, status)
         )
     return found
 
 
-def at_rest(robot: Model, q: Array) -> Transfer:
+def at_rest(pair: PairedArm, group: SynergyGroup, q: Array) -> Transfer:
     """Return the arm at rest in a configuration (n,)."""
-    metric, here = metric_of(robot), Pose(*robot.hand_pose(q))
-    return Transfer(line(metric, q, q), here, True, 0.0, 0.0, 0, True, "the arm rests")
+    still, pose = line(metric_of(pair.robot), q, q), pair.target(group.stop)
+    return Transfer(still, pose, True, *pose.error(pair.robot, q), 0, True, "the arm rests")
 
 
 def line(metric: Metric, q0: Array, q1: Array) -> Path:
@@ -161,29 +161,52 @@ class RetargetedArm(PairedArm):
             time; the trajectory stays near them, and rounds the corners where they meet.
         trajectory: what the robot executes, at a uniform rate.
         motion: the motion at the samples of the recording, in robot time.
-        out_of_reach: distance [m] and angle [rad] of the nearest pose, for poses out of reach, by
-            number of the pose: 0 is the first pose, k the end of synergy k, counted from 1.
+        out_of_reach: distance [m] and angle [rad] of the nearest pose that inverse kinematics
+            found, for poses out of reach, by number of the pose: 0 is the first pose, k the end of
+            synergy k, counted from 1. `pose_errors` has what the motion achieves.
     """
 
     transfers: tuple[Transfer, ...]
     synergies: tuple[Synergy, ...]
     trajectory: JointTrajectory
     motion: Motion
-    out_of_reach: OutOfReach
+    out_of_reach: PoseErrors
 
     def __repr__(self) -> str:
-        worst = max(max(each.position_error, each.rotation_error) for each in self.transfers)
+        distance, angle = np.max(list(self.pose_errors.values()), axis=0)
         return (
             f"RetargetedArm({self.title}: {len(self.analysis.synergies)} synergies become "
-            f"{len(self.groups)}, largest hand pose error {worst:.1e} m or rad)"
+            f"{len(self.groups)}, hand off its poses by at most {distance:.2g} m, {angle:.2g} rad)"
         )
+
+    @cached_property
+    def pose_errors(self) -> PoseErrors:
+        """Distance [m] and angle [rad] of the hand from each pose, also out of reach or at a rest.
+
+        By number of the pose, as in `out_of_reach`.
+        """
+        begin = self.transfers[0].path.nodes[0]
+        ends = ((each.position_error, each.rotation_error) for each in self.transfers)
+        first = self.target(self.groups[0].start).error(self.robot, begin)
+        return dict(enumerate([first, *ends]))
+
+    @property
+    def missed(self) -> PoseErrors:
+        """Those of the pose errors that are beyond `RetargetingSettings.pose_tolerance`.
+
+        A given start need not have the first pose.
+        """
+        counted = (
+            self.pose_errors.items() if self.start is None else [*self.pose_errors.items()][1:]
+        )
+        return {number: error for number, error in counted if self.is_missed(error)}
 
     @classmethod
     def retargeted(
         cls,
         pair: PairedArm,
         transfers: Sequence[Transfer],
-        out_of_reach: OutOfReach,
+        out_of_reach: PoseErrors,
         planned: PlannedTrajectory,
         number: int,
         rate: float,
@@ -206,14 +229,17 @@ class RetargetedArm(PairedArm):
     def baseline(self) -> JointTrajectory:
         """Inverse kinematics that tracks the hand on its whole way, in the same time and limits.
 
-        It begins where the synergies begin, or at the first pose if they begin elsewhere.
+        It begins in that of several configurations with the first pose from which the hand follows
+        best; if a start was given, in that or in the nearest one with the pose.
         """
         motion, time, settings = self.analysis.motion, self.motion.time, self.settings
         first, start = self.target(self.groups[0].start), self.motion.q[0]
-        if max(first.error(self.robot, start)) > _CLOSE:
-            (start, *_) = nearest_configurations(
-                *(self.bounded, start, first, settings.within_limits, settings.pose_weights),
-                settings.collisions,
+        is_there, is_given = max(first.error(self.robot, start)) <= _CLOSE, self.start is not None
+        starts, count = [start] if is_there else [], 1 if is_given else _STARTS
+        if len(starts) < count:
+            placed = settings.within_limits, settings.pose_weights, settings.collisions
+            starts += nearest_configurations(
+                self.bounded, start, first, *placed, enough=count, settled=_ANYWHERE, least=count
             )
 
         def poses(instants: Array) -> tuple[Array, Array]:
@@ -221,7 +247,7 @@ class RetargetedArm(PairedArm):
             return self.mapping(motion(np.interp(instants, time, motion.time)))
 
         return track_within_limits(
-            *(self.bounded, start, time, poses, self.limits),
+            *(self.bounded, starts[:count], time, poses, self.limits),
             rate=_BASELINE_RATE,
             turning=first.rotation is not None,
             placing=first.position is not None,
@@ -230,8 +256,11 @@ class RetargetedArm(PairedArm):
     @cached_property
     def tracked(self) -> Motion:
         """The baseline at the samples of the recording, in robot time."""
-        times = self.motion.time
-        q, v, _ = self.baseline.states(times)
+        times, tracked = self.motion.time, self.baseline
+        q, v = (  # its speeds are constant over each step
+            np.column_stack([np.interp(times, tracked.time, each) for each in states.T])
+            for states in (tracked.positions, tracked.velocities)
+        )
         return Motion(times, q, self.robot.joint_names, v, self.motion.subject)
 
     @cached_property
@@ -301,6 +330,7 @@ def compare_under_equal_limits(
     rate: float = 100.0,
     turning: bool = True,
     placing: bool = True,
+    starts: ArrayLike | None = None,
 ) -> dict[str, MotionMeasures]:
     """Return measures of an arm's planned motion, and of inverse kinematics of the person's hand.
 
@@ -313,7 +343,7 @@ def compare_under_equal_limits(
         mapping: mapping of its hand to the robot's.
         arm: number of the arm.
         rate: rate of the samples and of inverse kinematics [Hz].
-        turning, placing: turning and placing of inverse kinematics, see `track_within_limits`.
+        turning, placing, starts: of inverse kinematics, see `compare_with_tracking`.
 
     Returns:
         Measures by the name of the method, see `measures_table`.
@@ -339,4 +369,5 @@ def compare_under_equal_limits(
         elbow_offsets=offsets,
         turning=turning,
         placing=placing,
+        starts=starts,
     )

@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance, active_rows
@@ -22,7 +23,6 @@ from geodesic_ocp.retargeting.waypoints import (
     REACHED,
     ArmWaypoints,
     ObjectiveWeights,
-    Pose,
     middle_of_ranges,
     nearest_configurations,
 )
@@ -48,15 +48,18 @@ class Candidates(ShortRepr):
     Attributes:
         q: the configurations.
         errors: errors of their poses (k,) [m or rad]; zero for those that attain the pose.
+        allowed: whether their poses may be missed by as much (k,).
     """
 
     q: Array
     errors: Array
+    allowed: NDArray[np.bool_]
 
     @classmethod
     def attaining(cls, *configurations: Array) -> Candidates:
         """Return configurations with the pose."""
-        return cls(np.array(configurations), np.zeros(len(configurations)))
+        count = len(configurations)
+        return cls(np.array(configurations), np.zeros(count), np.ones(count, dtype=bool))
 
     @property
     def within_reach(self) -> bool:
@@ -74,11 +77,12 @@ class Candidates(ShortRepr):
         weights = np.clip(np.maximum(least, _TINY) ** -2, *_MISSED)
         return np.where(self.errors == 0.0, 0.0, weights)
 
-    def joined(self, other: Candidates, near_misses: float) -> Candidates:
-        """Join candidates; if any attains the pose, drop those with errors beyond `near_misses`."""
+    def joined(self, other: Candidates) -> Candidates:
+        """Join candidates; if any attains the pose, drop those that miss it by too much."""
         q = np.vstack([self.q, other.q])
         errors = np.concatenate([self.errors, other.errors])
-        return _chosen(q, errors, near_misses, _MOST * _POSE_ROUNDS)
+        allowed = np.concatenate([self.allowed, other.allowed])
+        return _chosen(q, errors, allowed, _MOST * _POSE_ROUNDS)
 
 
 def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
@@ -93,13 +97,13 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
         starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
         before = found[-1].q[:_CARRIED] if found else middle[None]
         layer = candidates_near(waypoints, number, np.vstack([before, starts]))
-        found.append(_reached(layer, waypoints, waypoints.poses[number]))
+        found.append(_reached(layer, waypoints, number))
     return found
 
 
-def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidates:
+def _reached(layer: Candidates, waypoints: ArmWaypoints, number: int) -> Candidates:
     """Return the candidates, after a more thorough search for a pose that none of them attains."""
-    arm, near = waypoints.arm, layer.q[0]
+    arm, near, pose = waypoints.arm, layer.q[0], waypoints.poses[number]
     if layer.within_reach:
         return layer
     if pose.position is not None:
@@ -116,7 +120,8 @@ def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidat
     if error <= REACHED:
         return Candidates.attaining(q)
     if error < before:
-        return Candidates(np.vstack([q, layer.q]), np.append(error, layer.errors))
+        own = Candidates(q[None], np.array([error]), waypoints.is_allowed(number, q[None]))
+        return own.joined(layer)
     return layer
 
 
@@ -129,17 +134,17 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
     search = replace(search, bounds=(arm.lower, arm.upper) if waypoints.limited else (-free, free))
     q, errors = search.from_every_start(np.clip(starts, *search.bounds), waypoints.row_weights)
     errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
-    return _chosen(q, errors, waypoints.near_misses, _MOST)
+    return _chosen(q, errors, (errors == 0.0) | waypoints.is_allowed(number, q), _MOST)
 
 
-def _chosen(q: Array, errors: Array, near_misses: float, most: int) -> Candidates:
+def _chosen(q: Array, errors: Array, allowed: NDArray[np.bool_], most: int) -> Candidates:
     """Return distinct ones of configurations (k, n), up to a number, those with the least errors
     first.
     """
     least = float(errors.min())
-    largest = near_misses if least == 0.0 else _NEARLY * least + _MORE
+    taken = allowed if least == 0.0 else allowed | (errors <= _NEARLY * least + _MORE)
     order = np.argsort(errors, kind="stable")
-    order = order[errors[order] <= largest]
+    order = order[taken[order]]
     kept: list[int] = []
     near = 0
     for index in order.tolist():
@@ -149,7 +154,7 @@ def _chosen(q: Array, errors: Array, near_misses: float, most: int) -> Candidate
         if len(kept) - near >= most or near > _NEAR:
             continue
         kept.append(index)
-    return Candidates(q[kept], errors[kept])
+    return Candidates(q[kept], errors[kept], allowed[kept])
 
 
 def shortest_path(
@@ -190,11 +195,13 @@ Lacks: TypeAlias = Callable[[Array], Array]
 class StartConfigurations(NamedTuple):
     """Configurations at the waypoints (m + 1, n), and their cost.
 
-    `missed` are the weights of the errors of poses out of reach (m + 1,), zero for the others.
+    `missed` are the weights of the errors of poses that are missed (m + 1,), zero for the others,
+    and `allowed` tells which of these may be missed by as much.
     """
 
     q: Array
     missed: Array
+    allowed: NDArray[np.bool_]
     cost: float
 
 
@@ -265,7 +272,7 @@ def find_start(
             random = spread + _SPREAD * rng.standard_normal(spread.shape)
             starts = np.vstack([around, around.mean(axis=0), random])
             more = candidates_near(waypoints, number, starts)
-            finer.append(layer.joined(more, waypoints.near_misses))
+            finer.append(layer.joined(more))
         layers, before = tuple(finer), best
         best = _best(waypoints, weights, layers, lacks)
         if best.cost > 0.99 * before.cost:
@@ -287,8 +294,10 @@ def _best(
     edges = partial(_edge_costs, waypoints, weights, layers, matrices)
     chosen, cost = shortest_path(nodes, edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
-    missed = [layer.missed[index] for layer, index in zip(layers, chosen, strict=True)]
-    return StartConfigurations(q, np.array(missed), cost)
+    pairs = list(zip(layers, chosen, strict=True))
+    missed = np.array([layer.missed[index] for layer, index in pairs])
+    allowed = np.array([layer.allowed[index] for layer, index in pairs])
+    return StartConfigurations(q, missed, allowed & (missed > 0.0), cost)
 
 
 def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:

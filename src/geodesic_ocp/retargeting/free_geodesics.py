@@ -17,7 +17,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.problems import Reach
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.retargeting.arm_result import OutOfReach, Transfer, at_rest, line
+from geodesic_ocp.retargeting.arm_result import PoseErrors, Transfer, at_rest, line
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.waypoints import (
     REACHED,
@@ -36,7 +36,7 @@ _ANYWHERE = 0.2  # how near inverse kinematics comes to the configuration it sta
 _SAME = 0.1  # [rad or m]
 
 
-def free_ends(pair: PairedArm) -> tuple[Array, list[Array | None], OutOfReach]:
+def free_ends(pair: PairedArm) -> tuple[Array, list[Array | None], PoseErrors]:
     """Return configurations in which the free geodesics of a robot begin and are to end.
 
     Returns:
@@ -79,7 +79,7 @@ def free_geodesics(
     q, found = start, list[Transfer]()
     for number, (group, end) in enumerate(zip(pair.groups, ends, strict=True), 1):
         if end is None:
-            found.append(at_rest(pair.robot, q))
+            found.append(at_rest(pair, group, q))
         else:
             found.append(to_pose(pair.robot, q, pair.target(group.stop), end, pair.settings))
         if throw and not found[-1].success:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Literal, NamedTuple
 
@@ -82,6 +82,12 @@ def merge_synergies(
     pieces = _rested(_joined(pieces, drop, np.inf), drop)
     pieces = _attached(_joined(pieces, merge, merge), merge)
     return tuple(_group(piece, synergies, drop) for piece in pieces)
+
+
+def moving(group: SynergyGroup) -> SynergyGroup:
+    """Return a rest as a movement."""
+    kind: Kind = "kept" if len(group.members) == 1 else "merged"
+    return replace(group, dropped=(), kind=kind)
 
 
 def _joined(pieces: list[_Piece], below: float, enough: float) -> list[_Piece]:

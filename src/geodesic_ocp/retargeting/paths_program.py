@@ -82,8 +82,9 @@ class ArmPart:
     Attributes:
         waypoints: waypoints of the arm.
         definition: its energy, limits and further conditions along its paths, as a problem.
-        missed: weights of the squared errors of poses out of reach (m + 1,); zero for those within
-            reach, which are equalities.
+        missed: weights of the squared errors of poses that are missed (m + 1,); zero for those that
+            are attained, which are equalities.
+        allowed: which of the poses that are missed stay within the allowed distance (m + 1,).
         grid: over the arm's own time from 0 to 1, in which rests are left out.
         last_segments: last segments of the movements, (m,): number of segments up to the end of
             each.
@@ -92,6 +93,7 @@ class ArmPart:
     waypoints: ArmWaypoints
     definition: ProblemDefinition
     missed: Array
+    allowed: NDArray[np.bool_]
     grid: Grid
     last_segments: tuple[int, ...]
 
@@ -103,6 +105,7 @@ class ArmPart:
         missed: Array,
         segments: int,
         degree: int,
+        allowed: NDArray[np.bool_] | None = None,
     ) -> ArmPart:
         """Return a mesh with so many segments of equal duration for each movement."""
         edges = np.concatenate([[0.0], np.cumsum(waypoints.durations)])
@@ -113,7 +116,8 @@ class ArmPart:
         )
         grid = Grid(fine.size - 1, degree, tuple(fine.tolist()))
         last = tuple(segments * (number + 1) for number in range(waypoints.count))
-        return cls(waypoints, definition, missed, grid, last)
+        near = np.zeros(missed.size, dtype=bool) if allowed is None else allowed
+        return cls(waypoints, definition, missed, near, grid, last)
 
     def halved(self, coarse: NDArray[np.bool_]) -> ArmPart:
         """Return the mesh with some of the segments (segments,) halved."""
@@ -176,8 +180,14 @@ class ArmPart:
         free = self.missed > 0.0
         free[0] |= given.start is not None
         upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
+        lower, squares = np.full((count, len(given.rows) + 2), -np.inf), np.full((count, 2), np.inf)
+        lower[:, :-2] = -upper
+        for k in np.flatnonzero(self.allowed).tolist():
+            squares[k] = np.where(
+                [0 in given.rows, 3 in given.rows], np.square(given.allowed[k]), np.inf
+            )
         share = np.full(count, 1.0 / count)
-        return Block(given.terms, places, np.array(rows), -upper, upper, share)
+        return Block(given.terms, places, np.array(rows), lower, np.hstack([upper, squares]), share)
 
     def speed_rows(self, intervals: Array) -> tuple[scipy.sparse.coo_array, Array]:
         """Return matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean

@@ -22,7 +22,7 @@ from geodesic_ocp.execution.motion_measures import measures_table
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import (
-    NEAR_MISS,
+    OUT_OF_REACH,
     TOO_NEAR,
     RetargetedArm,
     compare_under_equal_limits,
@@ -97,13 +97,30 @@ class Retargeting:
 
     @property
     def success(self) -> bool:
-        """True if paths and trajectory were found, within the limits asked for, and no links touch.
+        """True if paths and trajectory were found, within the limits asked for, no links touch, and
+        no pose is missed by more than the tolerance; `faults` says what is wrong.
 
-        Free geodesics and `limits=False` ask for none; `check` tells of all.
+        Free geodesics and `limits=False` ask for no limits; `check` tells of all.
         """
-        found = self.planned.success and (self.paths is None or self.paths.success)
-        found = found and not self.too_weak and not self.touches
-        return found and all(each.success for arm in self.arms for each in arm.transfers)
+        return not self.faults
+
+    @cached_property
+    def faults(self) -> tuple[str, ...]:
+        """Why the result is no success, a sentence each: those of `unfit`, and missed poses."""
+        return (*self.unfit, *(sentence for arm in self.arms for sentence in _missed_poses(arm)))
+
+    @cached_property
+    def unfit(self) -> tuple[str, ...]:
+        """Why the trajectory should not run on a robot, a sentence each."""
+        found = [] if self.planned.success else [f"trajectory not found: {self.planned.status}"]
+        failed = (each.status for arm in self.arms for each in arm.transfers if not each.success)
+        found += [f"path not found: {status}" for status in dict.fromkeys(failed)]
+        found += [f"{joint} is too weak to hold its arm" for joint in self.too_weak]
+        if self.settings.within_limits:
+            found += self.check.violations
+        elif self.touches:
+            found.append("links touch")
+        return tuple(found)
 
     @property
     def touches(self) -> bool:
@@ -164,6 +181,7 @@ class Retargeting:
             rate=self.rate,
             turning=settings.orientation_weight > 0.0,
             placing=settings.position_weight > 0.0,
+            starts=one.baseline.positions[0],
         )
         return measures_table(found)
 
@@ -195,7 +213,6 @@ class Retargeting:
         for arm in self.arms:
             parts = zip(arm.groups, arm.synergies, arm.transfers, strict=True)
             for number, (group, synergy, transfer) in enumerate(parts, 1):
-                moves = group.kind != "rest"
                 rows.append(
                     {
                         "arm": arm.robot.name,
@@ -207,13 +224,18 @@ class Retargeting:
                         "duration [s]": synergy.duration,
                         "time scaled by": synergy.duration / arm.seconds(group),
                         "length [kg^1/2 m]": synergy.length,
-                        "hand error [m]": transfer.position_error if moves else None,
-                        "hand error [rad]": transfer.rotation_error if moves else None,
+                        "hand error [m]": transfer.position_error,
+                        "hand error [rad]": transfer.rotation_error,
                         "iterations": transfer.iterations,
                         "status": transfer.status,
                     }
                 )
-        return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
+        begins = (
+            f"{arm.robot.name} begins {distance:.2g} m and {angle:.2g} rad from its first pose."
+            for arm in self.arms
+            for distance, angle in [arm.pose_errors[0]]
+        )
+        return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], " ".join(begins))
 
     def plot(self) -> Figure:
         """Return person and robot at some instants, the hand and three joints over time, and its
@@ -293,17 +315,13 @@ def _span(indices: tuple[int, ...]) -> str:
 # A hand's path is a detour if it is longer than this factor times the person's, and this much more.
 _FACTOR, _MORE, _MORE_ANGLE = 2.0, 0.15, 1.0  # [m], [rad]
 _SLOW = 3.0  # times the person's time
-_MISSED = 1e-4  # pose error [m] and [rad]
-_MISSED_AS = {
-    TOO_NEAR: "at which links would be too near",
-    NEAR_MISS: "which it would attain by a detour only",
-}
+_WHY = {TOO_NEAR: ", at which links would be too near", OUT_OF_REACH: ", which is out of reach"}
 _SAMPLES = 41
 _REPORTED = 6
 
 
 def warn_of_detours(result: Retargeting) -> None:
-    """Warn of detours of the hand, slow synergies, and links that come too near.
+    """Warn of missed poses, detours of the hand, slow synergies, and links that come too near.
 
     Warns:
         UserWarning: one, with a sentence for each.
@@ -314,26 +332,36 @@ def warn_of_detours(result: Retargeting) -> None:
     ]
     if result.touches and not found:
         found.append("links touch on the trajectory, as `Retargeting.check` says in detail")
-    found += [sentence for arm in result.arms for sentence in _of_arm(arm)]
+    for arm in result.arms:
+        found += [*_missed_poses(arm), *_of_arm(arm)]
     if found:
         more = f"; and {len(found) - _REPORTED} more" if len(found) > _REPORTED else ""
         warnings.warn("; ".join(found[:_REPORTED]) + more, UserWarning, 4)
 
 
+def _place(arm: RetargetedArm, number: int) -> str:
+    time, group = arm.analysis.motion.time, arm.groups[number - 1]
+    span = f"{time[group.start]:.2f} to {time[group.stop]:.2f} s of the recording"
+    return f"synergy {number} of {arm.robot.name} ({span})"
+
+
+def _missed_poses(arm: RetargetedArm) -> Iterator[str]:
+    for number, (distance, angle) in arm.missed.items():
+        off = f"{distance:.3g} m and {angle:.3g} rad from its"
+        if number == 0:
+            why = _WHY[OUT_OF_REACH] if number in arm.out_of_reach else ""
+            yield f"{arm.robot.name} begins {off} first pose{why}"
+        else:
+            why = _WHY.get(arm.transfers[number - 1].status, "")
+            yield f"{_place(arm, number)} ends {off} pose{why}"
+
+
 def _of_arm(arm: RetargetedArm) -> Iterator[str]:
-    time = arm.analysis.motion.time
     parts = zip(arm.groups, arm.transfers, arm.synergies, strict=True)
     for number, (group, transfer, synergy) in enumerate(parts, 1):
         if group.kind == "rest":
             continue
-        where = (
-            f"synergy {number} of {arm.robot.name} ({time[group.start]:.2f} to "
-            f"{time[group.stop]:.2f} s of the recording)"
-        )
-        errors = transfer.position_error, transfer.rotation_error
-        if transfer.status in _MISSED_AS and max(errors) > _MISSED:
-            missed = f"{errors[0]:.2g} m and {errors[1]:.2g} rad"
-            yield f"{where} ends {missed} from its pose, {_MISSED_AS[transfer.status]}"
+        where = _place(arm, number)
         of_person = _lengths(*(each[group.start : group.stop + 1] for each in arm.target_poses))
         of_robot = _lengths(*arm.robot.hand_pose(transfer.path(np.linspace(0.0, 1.0, _SAMPLES))))
         kinds = [("moves", _MORE, "m"), ("turns", _MORE_ANGLE, "rad")]

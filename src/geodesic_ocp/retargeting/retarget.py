@@ -23,7 +23,7 @@ from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
 from geodesic_ocp.retargeting.arm_result import (
-    OutOfReach,
+    PoseErrors,
     RetargetedArm,
     Transfer,
     transfers_on,
@@ -96,9 +96,10 @@ def retarget(
         progress: called with the current step, the amount done and the total.
 
     Warns:
-        UserWarning: poses out of reach, with their distances, before anything is solved; detours of
-            the hand, links that come too near, and synergies that take three times the person's
-            time, with the place in the recording.
+        UserWarning: before anything is solved, poses that are out of reach by more than the
+            tolerance, with the distances of the nearest ones found; afterwards poses that are
+            missed by more than the tolerance, detours of the hand, links that come too near, and
+            synergies that take three times the person's time, with the place in the recording.
 
     Raises:
         ValueError: arguments of the wrong type or shape; a start outside the limits, or too
@@ -229,7 +230,8 @@ def _paired(
         bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)
-        pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
+        pair = PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses)
+        pairs.append(pair.without_drifts())
     return pairs
 
 
@@ -336,18 +338,18 @@ def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignmen
     return found
 
 
-def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[OutOfReach]) -> None:
+def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) -> None:
     lines, advice = [], []
-    for pair, missed in zip(pairs, far, strict=True):
+    for pair, poses in zip(pairs, far, strict=True):
+        missed = {number: error for number, error in poses.items() if pair.is_missed(error)}
         for number, (distance, angle) in missed.items():
             which = "the first pose" if number == 0 else f"the end of synergy {number}"
-            error = f"{distance:.3g} m and {angle:.3g} rad"
-            lines.append(f"{which} of {pair.robot.name} by at least {error}")
+            lines.append(f"{which} of {pair.robot.name}: {distance:.3g} m and {angle:.3g} rad")
         if missed:
             advice.append(_mounting_advice(pair))
     if lines:
         warnings.warn(
-            f"out of reach, the nearest pose is taken: {'; '.join(lines)}. "
+            f"out of reach, by the nearest pose found: {'; '.join(lines)}. "
             f"{' '.join(filter(None, advice))}".rstrip(),
             UserWarning,
             3,

@@ -14,6 +14,7 @@ from geodesic_ocp.arrays import (
     Array,
     ShortRepr,
     as_integer,
+    as_not_negative,
     as_number,
     as_positive,
 )
@@ -50,8 +51,11 @@ class RetargetingSettings(ShortRepr):
         stretch_weight: weight of time beyond the person's, relative to the recording's duration.
         deviation_weight: weight of the trajectory's distance from the paths against time; larger
             values round the corners between synergies less.
-        near_misses: error of the hand's position [m] and orientation [rad] up to which a pose
-            within reach may be missed to avoid a detour; 0: every such pose is attained.
+        pose_tolerance: distance [m] and angle [rad] by which the hand may miss a pose where that
+            saves a detour, as it must where the pose is out of reach. A rest in which the
+            person's hand drifts farther becomes a movement. Poses missed by more make the result
+            no success.
+        exact: attain every pose; as a pose tolerance of zero.
         posture_weight: weight of the joints' mean squared distance from the middle of their ranges
             at the ends of the synergies, in half ranges.
         likeness_weight: weight of the mean squared difference between the elbow's offset from the
@@ -93,7 +97,8 @@ class RetargetingSettings(ShortRepr):
     rotor_inertia: bool = True
     stretch_weight: float = 5.0
     deviation_weight: float = 3.0
-    near_misses: float = 0.0
+    pose_tolerance: tuple[float, float] = (0.01, 0.087)
+    exact: bool = False
     posture_weight: float = 0.0
     likeness_weight: float = 30.0
     position_weight: float = 1.0
@@ -120,9 +125,20 @@ class RetargetingSettings(ShortRepr):
         if self.mirror not in (None, True, False):
             raise ValueError(f"mirror must be True, False or None, got {self.mirror!r}")
         weights = ("position_weight", "orientation_weight", "posture_weight", "likeness_weight")
-        for name in (*weights, "near_misses"):
+        for name in (*weights, "margin"):
             if as_number(name, getattr(self, name)) < 0.0:
                 raise ValueError(f"{name} must be zero or above, got {getattr(self, name):g}")
+        if np.shape(self.pose_tolerance) != (2,):
+            raise ValueError(
+                f"pose_tolerance must be a distance [m] and an angle [rad], got "
+                f"{self.pose_tolerance!r}"
+            )
+        for value, unit in zip(self.pose_tolerance, ("m", "rad"), strict=True):
+            as_not_negative("pose_tolerance", value, unit)
+        if self.pose_tolerance[1] > np.pi:
+            raise ValueError(
+                f"pose_tolerance: the angle is in rad, at most pi, got {self.pose_tolerance[1]:g}"
+            )
         if self.position_weight == self.orientation_weight == 0.0:
             raise ValueError("position_weight and orientation_weight must be not both zero")
         for name in ("energy_weight", "stretch_weight", "deviation_weight"):
@@ -141,6 +157,11 @@ class RetargetingSettings(ShortRepr):
     def constrained(self) -> bool:
         """True if paths are constrained."""
         return self.formulation == "constrained"
+
+    @property
+    def allowed_miss(self) -> tuple[float, float]:
+        """Distance [m] and angle [rad] by which poses may be missed."""
+        return (0.0, 0.0) if self.exact else self.pose_tolerance
 
     @property
     def collisions(self) -> CollisionAvoidance:

@@ -230,7 +230,9 @@ class SynergyPaths(ShortRepr, Problem):
                 lacks = own_lacks(clearance, self.arms, number)
                 start = find_start(arm, weights, layers[number], lacks)
                 parts.append(
-                    ArmPart.evenly(arm, definitions[number], start.missed, _SEGMENTS, _DEGREE)
+                    ArmPart.evenly(
+                        arm, definitions[number], start.missed, _SEGMENTS, _DEGREE, start.allowed
+                    )
                 )
                 nodes.append(parts[-1].nodes_on_lines(start.q))
                 lines.append(start.q.ravel())
@@ -360,7 +362,13 @@ class _Rounds:
                     return iterate, None
                 # From the paths without distances, as poses that cannot be attained led astray.
                 pairs = zip(free.parts, missed, strict=True)
-                free = replace(free, parts=tuple(replace(one, missed=each) for one, each in pairs))
+                free = replace(
+                    free,
+                    parts=tuple(
+                        replace(one, missed=each, allowed=one.allowed & (each == one.missed))
+                        for one, each in pairs
+                    ),
+                )
                 following, lacks = replace(free, iterations=iterate.iterations), np.inf
             rows.update(more)
             lacking = lacks

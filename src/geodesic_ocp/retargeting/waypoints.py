@@ -7,13 +7,13 @@ the length of the arm. It turns with the swivel angle (Tolani, Goswami, Badler, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Terms
@@ -29,13 +29,15 @@ from geodesic_ocp.ocp.pose_search import (
     rotation_log,
 )
 from geodesic_ocp.retargeting.arm_alignment import Alignment
-from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, moving
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.synergies.scores import pose_differences
 
 _GRAVITY = 9.81  # [m/s^2]
 NO_COLLISIONS = CollisionAvoidance()
 REACHED = 1e-6  # [m] and [rad]
+MISSED = 1e-4  # [m] and [rad], error beyond what is allowed from which a pose counts as missed
 # How near inverse kinematics comes to the configuration it starts from [rad or m].
 _SETTLED = 1e-2
 _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
@@ -252,6 +254,38 @@ class PairedArm(ShortRepr):
         """Return the pose of the hand at a sample of the recording."""
         return self.as_pose(*(each[sample] for each in self.target_poses))
 
+    def allowed_miss(self, sample: int) -> tuple[float, float]:
+        """Return distance [m] and angle [rad] by which the pose at a sample may be missed.
+
+        That is the tolerance, less what the person's hand drifts by in a rest that follows.
+        """
+        rests = [each for each in self.groups if each.kind == "rest" and each.start == sample]
+        drift = np.max([(0.0, 0.0), *(self.drift(each) for each in rests)], axis=0)
+        distance, angle = np.maximum(self.settings.allowed_miss - drift, 0.0)
+        return float(distance), float(angle)
+
+    def drift(self, group: SynergyGroup) -> tuple[float, float]:
+        """Return distance [m] and angle [rad] between the poses at the ends of a group."""
+        ends = [
+            tuple(part[sample] for part in self.target_poses)
+            for sample in (group.stop, group.start)
+        ]
+        distance, angle = pose_difference(*ends[0], *ends[1])
+        weights = self.settings.position_weight, self.settings.orientation_weight
+        return distance * (weights[0] > 0.0), angle * (weights[1] > 0.0)
+
+    def is_missed(self, error: tuple[float, float]) -> bool:
+        """Return whether a distance [m] and angle [rad] from a pose are beyond what is allowed."""
+        return bool(np.any(error > np.asarray(self.settings.allowed_miss) + MISSED))
+
+    def without_drifts(self) -> PairedArm:
+        """Return the same, with movements in place of rests in which the hand drifts too far."""
+        groups = (
+            moving(each) if each.kind == "rest" and self.is_missed(self.drift(each)) else each
+            for each in self.groups
+        )
+        return replace(self, groups=tuple(groups))
+
     def as_pose(self, rotation: Array, position: Array) -> Pose:
         """Return the pose with a rotation and a position, without what the settings leave free."""
         settings = self.settings
@@ -296,8 +330,8 @@ _PARAMETERS = [0, 3, 12, 18, 21, 23]  # where position, rotation, ... begin, see
 def _waypoint_terms(
     arm: Model, alignment: Alignment, rows: tuple[int, ...], torque: tuple[float, ...]
 ) -> Terms:
-    """Return costs and pose errors of an arm, for these rows of the error and limits on torque
-    (n,).
+    """Return costs of an arm, these rows of the pose error, and its squared distance and angle, for
+    limits on torque (n,).
     """
     q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", _PARAMETERS[-1])
     position, rotation, missed, offset, weights = ca.vertsplit(p, _PARAMETERS)
@@ -314,7 +348,9 @@ def _waypoint_terms(
         held = arm.inverse_dynamics(q, still, still, gravity_on(alignment))
         for joint in limited:
             cost += _WEAK * ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - _SHARE) ** 2
-    return Terms(q, p, cost, error[list(rows)])
+    # Of poses that may be missed, distance and angle are bounded, by their squares.
+    squares = [ca.sumsqr(error[:3]), ca.sumsqr(error[3:])]
+    return Terms(q, p, cost, ca.vertcat(error[list(rows)], *squares))
 
 
 _PEAK, _BRAKING = 1.5, 5.0
@@ -336,7 +372,8 @@ class ArmWaypoints(ShortRepr):
         limits: limits of the joints.
         offsets: offsets of the person's elbow at the waypoints (m + 1, 3), see `elbow_offset`;
             None: not known.
-        near_misses: errors of poses [m], [rad] that are accepted to avoid a detour.
+        allowed: distance [m] and angle [rad] by which each pose may be missed, m + 1 of them;
+            empty: not at all.
         weights: weights of position and orientation errors [1/m], [1/rad], for poses out of reach.
     """
 
@@ -350,7 +387,7 @@ class ArmWaypoints(ShortRepr):
     start: Array | None
     limits: JointLimits
     offsets: Array | None
-    near_misses: float = 0.0
+    allowed: tuple[tuple[float, float], ...] = ()
     weights: tuple[float, float] = (1.0, 1.0)
     _shown = ("arm", "limited", "count")
 
@@ -381,6 +418,17 @@ class ArmWaypoints(ShortRepr):
         first = self.poses[0]
         place = () if first.position is None else (0, 1, 2)
         return (*place, *(() if first.rotation is None else (3, 4, 5)))
+
+    def is_allowed(self, number: int, q: Array) -> NDArray[np.bool_]:
+        """Return whether configurations (k, n) miss a waypoint's pose by no more than allowed."""
+        bound = self.allowed[number] if self.allowed else (0.0, 0.0)
+        here, pose = self.arm.hand_pose(q), self.poses[number]
+        targets = (
+            own if part is None else np.broadcast_to(part, own.shape)
+            for part, own in zip((pose.rotation, pose.position), here, strict=True)
+        )
+        distance, angle = pose_differences(here, (next(targets), next(targets)))
+        return np.asarray((distance <= bound[0]) & (angle <= bound[1]))
 
     @property
     def row_weights(self) -> Array:
@@ -442,6 +490,6 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         start=pair.start,
         limits=pair.limits,
         offsets=offsets,
-        near_misses=settings.near_misses,
+        allowed=tuple(pair.allowed_miss(sample) for sample in samples),
         weights=settings.pose_weights,
     )
