@@ -78,6 +78,12 @@ def joint_forces(
     return np.concatenate(forces, axis=-1)
 
 
+def hand_speeds(robot: Model, q: Array, v: Array) -> Array:
+    """Return speeds |J(q) v| of the hand at states (k, n), (k,) [m/s]."""
+    jacobian = robot.hand_jacobian(q)[:, :3]
+    return np.asarray(np.linalg.norm(np.einsum("kin,kn->ki", jacobian, v), axis=1))
+
+
 @dataclass(frozen=True, eq=False)
 class KnotStates:
     """Values of a program's variables.
@@ -380,10 +386,13 @@ def stretched(
     for _ in range(_ROUNDS):
         ratio = np.zeros(knots.count + 1)
         guess = through(references, knots, durations, rest)
-        for arm, (_, velocities, accelerations) in zip(arms, guess.arms, strict=True):
+        for arm, (positions, velocities, accelerations) in zip(arms, guess.arms, strict=True):
             speed = np.abs(velocities) / arm.limits.velocity
             growth = np.abs(accelerations) / (_CORNERS * arm.limits.acceleration)
             ratio = np.maximum(ratio, np.maximum(speed, np.sqrt(growth)).max(axis=1))
+            if np.isfinite(arm.limits.hand_speed):
+                fast = hand_speeds(arm.robot, positions, velocities) / arm.limits.hand_speed
+                ratio = np.maximum(ratio, fast)
         ends = pairwise(knots.at_edges)
         needed = np.array([ratio[first : last + 1].max() for first, last in ends])
         if np.all(needed <= 1.0):
