@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.distance import cdist
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
@@ -80,8 +81,15 @@ def joint_forces(
 
 def hand_speeds(robot: Model, q: Array, v: Array) -> Array:
     """Return speeds |J(q) v| of the hand at states (k, n), (k,) [m/s]."""
-    jacobian = robot.hand_jacobian(q)[:, :3]
-    return np.asarray(np.linalg.norm(np.einsum("kin,kn->ki", jacobian, v), axis=1))
+    velocities = evaluate(hand_velocity(robot).map(len(q)), q.T, v.T)
+    return np.asarray(np.linalg.norm(velocities, axis=0))
+
+
+@lru_cache(maxsize=16)
+def hand_velocity(robot: Model) -> ca.Function:
+    """Return (q, v) -> J(q) v, the velocity of the hand (3,) [m/s]."""
+    q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
+    return ca.Function("velocity", [q, v], [ca.jtimes(robot.hand_pose(q)[1], q, v)])
 
 
 @dataclass(frozen=True, eq=False)

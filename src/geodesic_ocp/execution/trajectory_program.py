@@ -34,6 +34,7 @@ from geodesic_ocp.execution.arm_paths import (
     Knots,
     KnotStates,
     Reference,
+    hand_velocity,
 )
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
@@ -245,8 +246,7 @@ def _hand_speed(robot: Model) -> Terms:
     n = robot.dof
     z, p = ca.SX.sym("z", 2 * n), ca.SX.sym("p", n + 1)
     q, v = ca.vertsplit(z, n)
-    velocity = ca.jtimes(robot.hand_pose(q)[1], q, v * p[:n]) / p[-1]
-    return Terms(z, p, 0.0, ca.sumsqr(velocity))
+    return Terms(z, p, 0.0, ca.sumsqr(hand_velocity(robot)(q, v * p[:n]) / p[-1]))
 
 
 @lru_cache(maxsize=16)

@@ -235,8 +235,6 @@ class Model:
     def hand_jacobian(self, q: Any) -> Any:
         """Return Jacobian (6, n) of the hand: linear [m], then angular velocity, in base frame
         axes.
-
-        For k configurations (k, n): (k, 6, n).
         """
         return self._functions.value("jacobian", self._hand_id, q=q)
 
