@@ -273,7 +273,7 @@ def within_ranges(
     return model.with_limits(lower, upper)
 
 
-_SHARE = re.compile(r"([0-9.]+) ?%")
+_SHARE = re.compile(r"(\d+\.?\d*) ?%")
 
 
 def _by_joint(name: str, value: Given, model: Model) -> dict[int, Any]:
