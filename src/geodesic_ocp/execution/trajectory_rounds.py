@@ -112,7 +112,7 @@ class ArmCheck:
         kind = max(largest, key=lambda name: float(largest[name].max()))
         joint = int(largest[kind].argmax())
         whose = "the hand" if kind == "hand_speed" else self.arm.robot.joint_names[joint]
-        name = f"the {kind.split('_hand')[0].replace('_', ' ')} of {whose} exceeds its limit"
+        name = f"the {kind.removeprefix('hand_').replace('_', ' ')} of {whose} exceeds its limit"
         return float(largest[kind][joint]) - 1.0, name
 
 
