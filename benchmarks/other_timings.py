@@ -380,7 +380,7 @@ def _figures(arms: Sequence[ArmPaths], trajectory: JointTrajectory) -> tuple[flo
         [arm.limits for arm in arms],
         gravity=np.array([arm.gravity for arm in arms]),
     )
-    shares = (float(check.usage[name].max()) for name in QUANTITIES)
+    shares = (float(check.usage[name].max()) for name in QUANTITIES[:4])
     return trajectory.duration, *shares, largest_deviation(arms, trajectory)
 
 

@@ -61,8 +61,8 @@ def read_record(file: str | PathLike[str], name: str, version: int, what: str) -
     return record
 
 
-def read_json_or_toml(file: Path, what: str, hint: str = "") -> Any:
-    """Read the content of a JSON file, or of a TOML file (.toml), which is not checked yet.
+def read_structured(file: Path, what: str, hint: str = "") -> Any:
+    """Read the content of a JSON, TOML (.toml) or YAML file (.yaml, .yml), not checked yet.
 
     Args:
         file: the file.
@@ -71,9 +71,13 @@ def read_json_or_toml(file: Path, what: str, hint: str = "") -> Any:
 
     Raises:
         RecordingError: the file is missing or malformed.
+        ImportError: YAML without PyYAML.
     """
+    yaml = file.suffix.lower() in (".yaml", ".yml")
     try:
         text = file.read_text(encoding="utf-8-sig")
+        if yaml:
+            return msgspec.yaml.decode(text)
         if file.suffix.lower() != ".toml":
             return parse_json(text)
         import tomllib  # from Python 3.11 on
@@ -84,11 +88,13 @@ def read_json_or_toml(file: Path, what: str, hint: str = "") -> Any:
     except OSError as failure:
         raise RecordingError(f"{file}: cannot be read: {failure.strerror}{hint}") from None
     except ImportError:
+        if yaml:
+            raise ImportError("YAML needs PyYAML: pip install 'geodesic_ocp[yaml]'") from None
         raise RecordingError(
             f"{file}: TOML needs Python 3.11 or later; write the {what} as JSON"
         ) from None
     except (ValueError, RecursionError) as failure:
-        raise RecordingError(f"{file}: is not a {what} in JSON or TOML: {failure}") from None
+        raise RecordingError(f"{file}: is not a {what} in JSON, TOML or YAML: {failure}") from None
 
 
 def parse_json(text: str, not_finite: Callable[[str], Any] = float) -> Any:

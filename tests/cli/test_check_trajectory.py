@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ from installed_robots import known_robot
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
+from geodesic_ocp.cli.options import as_obstacle
+from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 ROBOT = """<robot name="one"><link name="base"/><link name="a"><inertial><mass value="1"/>
@@ -112,3 +115,76 @@ def test_gravity_is_given_or_that_of_the_alignment(
     assert tables[1] == tables[2] != tables[0]
     assert run(file, "--robot", "panda", "--aligned", "--gravity", "0", "0", "-9.81") == 2
     assert "exclude each other" in capsys.readouterr().err
+
+
+ONE_JOINT = "joint_limits: {turn: {has_velocity_limits: true, max_velocity: 1.0}}"
+
+
+def test_shares_and_files_of_moveit_limit_joints_and_hand(
+    files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("yaml")
+    file, robot = files
+    (tmp_path / "joint_limits.yaml").write_text(ONE_JOINT)
+    moveit = ["--joint-limits", str(tmp_path / "joint_limits.yaml")]
+    for arguments, code, message in (
+        (moveit, 0, "all conditions hold"),
+        ([*moveit, "--velocity", "90%"], 1, "0.9375 rad/s at 1 s, its limit 0.9"),
+        (["--position", "90%"], 1, "turn is at 1 rad at 2 s, outside its range of -0.9 to 0.9"),
+        (["--torque-rate", "1.0"], 1, "torque rate of turn is"),
+        (["--hand-speed", "1"], 0, "fastest hand: 0 m/s"),
+    ):
+        assert run(file, "--robot", robot, "--hand", "a", *arguments) == code
+        assert message in capsys.readouterr().out
+    for arguments, message in (
+        (["--hand-speed", "50%"], "hand_speed must be above 0% and at most 100% of a limit"),
+        (["--position", "0.9"], "position must be a share of the range such as 90%, got 0.9"),
+        (["--payload", "1,2"], "must be MASS[,x,y,z[,ixx,iyy,izz[,ixy,ixz,iyz]]]"),
+        (["--obstacle", "ball:0,0,0,0.1"], "--obstacle: distances are not known"),
+    ):
+        assert run(file, "--robot", robot, "--hand", "a", *arguments) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_obstacles_and_loads_from_a_file_are_checked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("yaml")
+    panda = known_robot("panda")
+    q = np.tile([0.0, 0.3, 0.0, -1.8, 0.0, 2.1, 0.0], (3, 1))
+    still = JointTrajectory(np.arange(3) / 100, q, 0 * q, 0 * q, panda.joint_names)
+    x, y, z = panda.hand_pose(q[0])[1]
+    room = tmp_path / "room.yaml"
+    room.write_text(f"obstacle: ['ball:{x},{y},{z},0.05']\npayload: 1,0,0,0.1\n")
+    arguments = [str(still.save(tmp_path / "still.csv")), "--robot", "panda"]
+    assert run(*arguments, "--settings", str(room)) == 1
+    out = capsys.readouterr().out
+    assert f"panda_hand to ball:{x},{y},{z},0.05: " in out
+    loaded = panda.with_payload(1.0, [0.0, 0.0, 0.1]).inverse_dynamics(q[0], 0 * q[0], 0 * q[0])
+    assert f"{abs(loaded[1]):.1f}" in out
+    assert run(*arguments, "--obstacle", "half-space:0,0,-1,0,0,1") == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("box:1,2,3,0.1,0.2,0.3", go.Box((1, 2, 3), (0.1, 0.2, 0.3))),
+        (
+            "box:1,2,3,0.1,0.2,0.3,0,0,1.5707963267948966",
+            go.Box((1, 2, 3), (0.1, 0.2, 0.3), ((0, -1, 0), (1, 0, 0), (0, 0, 1))),
+        ),
+        ("ball:1,2,3,0.5", go.Ball((1, 2, 3), 0.5)),
+        ("capsule:0,0,0,0,0,1,0.5", go.Capsule((0, 0, 0), (0, 0, 1), 0.5)),
+        ("half-space:0,0,1,0,0,2", go.HalfSpace((0, 0, 1), (0, 0, 1))),
+    ],
+)
+def test_obstacles_are_written_in_one_line(text: str, expected: Obstacle) -> None:
+    found = as_obstacle(text)
+    assert found.name == text
+    for field in fields(expected):
+        if field.name not in ("name", "link"):
+            one, other = (getattr(each, field.name) for each in (found, expected))
+            assert np.allclose(one, other, atol=1e-12)
+    for wrong in (text + ",1", text.replace(":", ",")):
+        with pytest.raises(ValueError, match=r"^--obstacle"):
+            as_obstacle(wrong)

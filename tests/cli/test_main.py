@@ -174,7 +174,7 @@ def test_settings_come_from_a_file_and_options_go_first(
         assert bound.arguments["analysis"] == AnalysisSettings(threshold=0.4, unit="cm")
     for text, message in (
         ("treshold = 0.4\n", "unknown settings: 'treshold'"),
-        ("threshold = \n", "is not a table of settings in JSON or TOML"),
+        ("threshold = \n", "is not a table of settings in JSON, TOML or YAML"),
         ("threshold = -1.0\n", "threshold must be positive"),
         ('threshold = "much"\n', "much"),
     ):

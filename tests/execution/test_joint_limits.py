@@ -11,7 +11,13 @@ from installed_robots import known_robot
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits, published_limits
+from geodesic_ocp.execution.limits import (
+    QUANTITIES,
+    JointLimits,
+    joint_limits,
+    published_limits,
+    within_ranges,
+)
 from geodesic_ocp.model.formats.robots import ROBOTS
 
 ROBOT = """<robot name="two"><link name="base"/>
@@ -51,6 +57,42 @@ def test_arguments_come_first_and_the_defaults_follow_them(two: go.Model) -> Non
     assert np.isinf(joint_limits(two, velocity=np.inf).jerk).all()
 
 
+def test_a_share_is_of_the_limit_that_there_is_otherwise(two: go.Model) -> None:
+    limits = joint_limits(two, velocity={"lift": "50%"}, torque=["50%", 3.0])
+    assert limits.velocity.tolist() == [0.25, np.inf]
+    assert limits.torque.tolist() == [100.0, 3.0]
+    assert limits.acceleration.tolist() == [1.0, np.inf]
+    with pytest.raises(ValueError, match=r"acceleration of turn .* got 20% of inf .not limited"):
+        joint_limits(two, acceleration="20%")
+
+
+def test_ranges_and_limits_of_moveit(two: go.Model, tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    file = tmp_path / "joint_limits.yaml"
+    text = """default_velocity_scaling_factor: 0.1
+joint_limits:
+  lift: {has_velocity_limits: true, max_velocity: 0.4, has_jerk_limits: false, max_jerk: 0}
+  turn: {has_position_limits: true, min_position: -2, max_position: 0.5, has_effort_limits: true,
+    max_effort: 1e1}
+  finger: {has_velocity_limits: true, max_velocity: 0.1}
+"""
+    file.write_text(text)
+    limits = joint_limits(two, file=file, velocity={"lift": "50%"})
+    assert limits.velocity.tolist() == [0.2, np.inf]
+    assert limits.torque.tolist() == [200.0, 10.0]
+    narrow = within_ranges(two, {"turn": "50%"}, file)
+    assert narrow.lower.tolist() == [0.0, -0.625]
+    assert narrow.upper.tolist() == [1.0, 0.125]
+    file.write_text(text.replace("max_velocity: 0.4, ", ""))
+    with pytest.raises(ValueError, match=r"yaml: max_velocity of lift must be positive"):
+        joint_limits(two, file=file)
+    file.write_text("joint_limits: {finger: {}}")
+    with pytest.raises(ValueError, match="has none of the joints lift, turn"):
+        joint_limits(two, file=file)
+    with pytest.raises(ValueError, match="position: 'elbow' is not one of the joints"):
+        within_ranges(two, {"elbow": "50%"})
+
+
 @pytest.mark.parametrize("name", QUANTITIES)
 @pytest.mark.parametrize(
     ("value", "message"),
@@ -82,13 +124,15 @@ def test_published_limits_of_the_panda() -> None:
         assert limits.torque.tolist() == [87.0] * 4 + [12.0] * 3
         assert limits.acceleration.tolist() == [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]
         assert np.allclose(limits.jerk, 500.0 * limits.acceleration)
+        assert limits.torque_rate.tolist() == [1000.0] * 7
+        assert limits.hand_speed == 1.7
         assert "Franka" in limits.sources["jerk"]
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_robot_by_name_has_finite_limits(name: str) -> None:
     limits = joint_limits(known_robot(name))
-    for quantity in QUANTITIES:
+    for quantity in QUANTITIES[:4]:  # few makers state the fifth, the torque's rate
         assert np.isfinite(getattr(limits, quantity)).all()
 
 

@@ -88,7 +88,7 @@ def test_a_round_from_the_solution_of_the_one_before_is_short(zigzag: PlannedTra
     )
     _, references, watched = guess
     first, multipliers = program.solve(*guess, 100)
-    more = WatchedArm({"velocity": np.array([[0, 0], [2, 1]])}, NONE, watched.arms[0].torque_shares)
+    more = WatchedArm({"velocity": np.array([[0, 0], [2, 1]])}, {})
     for kept in (watched, replace(watched, arms=(more,))):
         start = program.states(first.x), references, kept, 100
         (cold, _), (warm, _) = program.solve(*start), program.solve(*start, multipliers)
@@ -201,6 +201,33 @@ def test_torques_are_limited_with_gravity_and_payload() -> None:
     found = plan_trajectory([weak])
     assert np.all(np.abs(torques(found)) <= allowed * (1.0 + 1e-5))
     assert found.usage[0].torque.max() >= 0.98
+
+
+def test_rates_of_torques_are_limited(zigzag: PlannedTrajectory) -> None:
+    (free,) = zigzag.arms
+
+    def rates(found: PlannedTrajectory) -> np.ndarray:
+        return np.abs(np.diff(torques(found), axis=0)).max(axis=0) * 7000 / found.duration
+
+    allowed = 0.5 * rates(zigzag)
+    bounded = replace(free, limits=replace(free.limits, torque_rate=allowed))
+    found = plan_trajectory([bounded])
+    assert np.all(rates(found) <= allowed * (1.0 + 1e-5))
+    assert found.usage[0].torque_rate.max() >= 0.95
+
+
+def test_the_speed_of_the_hand_is_limited(zigzag: PlannedTrajectory) -> None:
+    (free,) = zigzag.arms
+
+    def fastest(found: PlannedTrajectory) -> float:
+        q = found.states(np.linspace(0.0, found.duration, 7001))[0]
+        steps = np.diff(free.robot.hand_pose(q)[1], axis=0)
+        return float(np.linalg.norm(steps, axis=1).max() * 7000 / found.duration)
+
+    allowed = 0.5 * fastest(zigzag)
+    found = plan_trajectory([replace(free, limits=replace(free.limits, hand_speed=allowed))])
+    assert fastest(found) <= allowed * KEPT
+    assert found.usage[0].hand_speed >= 0.99
 
 
 @pytest.mark.slow

@@ -48,7 +48,8 @@ def test_csv_names_the_units_of_prismatic_joints_and_has_efforts() -> None:
 
 
 def test_json_has_the_fields_of_a_ros_message() -> None:
-    message = json.loads(some().json())
+    trajectory = some(efforts=np.ones((3, 2)))
+    message = json.loads(trajectory.json())
     assert message["joint_names"] == ["a", "b"]
     assert set(message) == {"header", "joint_names", "points"}
     for k, point in enumerate(message["points"]):
@@ -60,9 +61,11 @@ def test_json_has_the_fields_of_a_ros_message() -> None:
             "time_from_start",
         }
         assert_allclose(point["velocities"], some().velocities[k])
+        assert point["effort"] == []  # joint_trajectory_controller rejects any other
         since = point["time_from_start"]
         assert 0 <= since["nanosec"] < 10**9
         assert since["sec"] + since["nanosec"] / 1e9 == np.round(TIME[k], 9)
+    assert json.loads(trajectory.json(effort=True))["points"][0]["effort"] == [1.0, 1.0]
 
 
 def test_npz_has_plain_arrays(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def trajectories(draw: Any, units: Any) -> JointTrajectory:
 
 def round_trip(trajectory: JointTrajectory, suffix: str) -> JointTrajectory:
     with tempfile.TemporaryDirectory() as folder:
-        return read_trajectory(trajectory.save(Path(folder) / f"trajectory{suffix}"))
+        return read_trajectory(trajectory.save(Path(folder) / f"trajectory{suffix}", effort=True))
 
 
 def assert_same(one: JointTrajectory, other: JointTrajectory, instants: float = 0.0) -> None:

@@ -8,13 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.cli.options import Flag, GivenLimits, LimitOptions
+from geodesic_ocp.cli.options import (
+    Flag,
+    GivenLimits,
+    LimitOptions,
+    as_obstacle,
+    with_load,
+)
 from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.execution import check_trajectory as checks
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.retargeting.arm_alignment import align, read_alignment
 from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
@@ -32,11 +39,13 @@ def check_trajectory(
     alignment: list[Path] | None = None,
     aligned: Flag = False,
     gravity: tuple[float, float, float] | None = None,
-    payload: float | None = None,
+    payload: str | None = None,
+    obstacle: list[str] | None = None,
     rotor_inertia: bool = True,
     clearance: bool = True,
     moving: Flag = False,
     uneven: Flag = False,
+    settings: Path | None = None,
     limits: LimitOptions = GivenLimits(),  # noqa: B008
 ) -> int:
     """Check that a robot can execute a trajectory; the exit code is 1 if it cannot.
@@ -52,13 +61,16 @@ def check_trajectory(
             retarget.
         gravity: acceleration of free fall in the axes of the robot's base [m/s^2]; default:
             0 0 -9.81.
-        payload: mass in the hand [kg], at the origin of its frame.
+        payload: mass in the hand [kg], at the origin of its frame, or more, as for retarget.
+        obstacle: obstacle as for retarget, such as box:x,y,z,sx,sy,sz; repeatable.
         rotor_inertia: add known or default inertia of the motors where the file states none, as
             retarget does.
         clearance: check that links keep clear of each other, where the geometry is known.
         moving: the trajectory need not begin and end at rest.
         uneven: samples need not be evenly spaced in time.
+        settings: file (.toml, .json, .yaml) of any of these options.
     """
+    del settings
     if aligned + (gravity is not None) + bool(alignment) > 1:
         raise ValueError("--aligned, --alignment and --gravity exclude each other")
     trajectory = read_trajectory(file)
@@ -67,9 +79,10 @@ def check_trajectory(
     free_fall = _free_fall(robots, gravity, aligned, alignment or ())
     if rotor_inertia:
         robots = [with_rotor_inertia(each) for each in robots]
-    if payload is not None:
-        robots = [each.with_payload(payload) for each in robots]
-    found = limits.of_robots(robots)
+    robots, found = limits.of_robots([with_load(each, payload) for each in robots])
+    bodies = [as_obstacle(each) for each in obstacle or ()]
+    if bodies and not clearance:
+        raise ValueError("--obstacle and --no-clearance exclude each other")
     result = checks.check_trajectory(
         trajectory,
         robots,
@@ -77,7 +90,7 @@ def check_trajectory(
         gravity=free_fall,
         rest=not moving,
         uniform=not uneven,
-        clearance=_clearance(robots) if clearance else None,
+        clearance=_clearance(robots, bodies) if clearance else None,
     )
     rate = "uneven samples" if trajectory.rate is None else f"{trajectory.rate:.6g} Hz"
     print(f"{file}: {len(trajectory.time)} samples, {trajectory.duration:.4g} s, {rate}\n")
@@ -106,13 +119,19 @@ def _free_fall(
     return np.array([np.asarray(each.base) @ _FREE_FALL for each in mounted])
 
 
-def _clearance(robots: Sequence[Model]) -> Clearance | None:
-    """Return the distances of links that `retarget` keeps; None, with a note, without geometry."""
+def _clearance(robots: Sequence[Model], obstacles: Sequence[Obstacle]) -> Clearance | None:
+    """Return the distances that `retarget` keeps; None, with a note, without geometry.
+
+    Raises:
+        ValueError: obstacles without geometry.
+    """
     reason: object = "the robot has no collision geometry"
     try:
-        found = motion_clearance(robots, RetargetingSettings())
+        found = motion_clearance(robots, RetargetingSettings(obstacles=tuple(obstacles)))
     except ValueError as error:
         found, reason = None, error
+    if found is None and obstacles:
+        raise ValueError(f"--obstacle: distances are not known: {reason}")
     if found is None:
         print(f"note: clearance is not checked: {reason}")
     return found

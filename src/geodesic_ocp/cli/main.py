@@ -13,7 +13,7 @@ from cyclopts.config import Dict
 
 from geodesic_ocp.cli.terminal import Interrupts
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.records import read_json_or_toml
+from geodesic_ocp.records import read_structured
 
 _EXIT = """Exit codes: 0 done; 1 a check failed, some of many recordings were left out, or an error
 in a problem's own code, shown whole; 2 wrong input, named in one line; 3 a solver or integration
@@ -96,7 +96,7 @@ def _settings_file(app: App, commands: tuple[str, ...], arguments: ArgumentColle
     if not tokens:
         return
     file = Path(tokens[0].value)
-    found = read_json_or_toml(file, "table of settings")
+    found = read_structured(file, "table of settings")
     known = {name.lstrip("-").replace("-", "_"): name for each in arguments for name in each.names}
     if not isinstance(found, dict) or (unknown := [each for each in found if each not in known]):
         wrong = ", ".join(map(repr, unknown)) if isinstance(found, dict) else "not a table"

@@ -8,11 +8,21 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 from cyclopts import Parameter
+from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.limits import (
+    QUANTITIES,
+    Given,
+    JointLimits,
+    joint_limits,
+    within_ranges,
+)
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace, Obstacle
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
@@ -25,42 +35,129 @@ class GivenLimits:
     """Limits of a robot's joints in place of the file's, the published or the derived limits.
 
     Attributes:
-        velocity: largest speed [rad/s or m/s] of all joints, or JOINT=LIMIT of one; repeatable.
+        velocity: largest speed of all joints [rad/s or m/s], or JOINT=LIMIT of one; repeatable. A
+            LIMIT such as 50% is that share of the limit that there is otherwise.
         acceleration: largest acceleration [rad/s^2 or m/s^2], likewise.
         jerk: largest jerk [rad/s^3 or m/s^3], likewise.
         torque: largest torque [N m or N], likewise.
+        torque_rate: largest rate of the torque [N m/s or N/s], likewise.
+        position: share of the range of positions about its middle, such as 90%, likewise.
+        hand_speed: largest speed of the hand [m/s], or a share.
+        joint_limits: joint_limits.yaml of MoveIt.
     """
 
     velocity: Sequence[str] | None = None
     acceleration: Sequence[str] | None = None
     jerk: Sequence[str] | None = None
     torque: Sequence[str] | None = None
+    torque_rate: Sequence[str] | None = None
+    position: Sequence[str] | None = None
+    hand_speed: str | None = None
+    joint_limits: Path | None = None
 
-    def of_robots(self, robots: Sequence[Model]) -> list[JointLimits]:
-        """Return the limits of each robot: the given ones, else as `joint_limits` finds them.
+    def of_robots(self, robots: Sequence[Model]) -> tuple[list[Model], list[JointLimits]]:
+        """Return the robots with their ranges of positions, and the limits of each: the given ones,
+        else as `joint_limits` finds them.
 
         Raises:
-            ValueError: an option is not a number, or names an unknown joint.
+            ValueError: an option is not a number or share, or names an unknown joint.
         """
-        given = {name: _limit(name, getattr(self, name)) for name in QUANTITIES}
-        return [joint_limits(robot, **given) for robot in robots]
+        given = {name: _limit(name, getattr(self, name)) for name in ("position", *QUANTITIES)}
+        position, file = given.pop("position"), self.joint_limits
+        hand = None if self.hand_speed is None else _number("hand_speed", self.hand_speed)
+        robots = [within_ranges(robot, position, file) for robot in robots]
+        found = [joint_limits(each, **given, hand_speed=hand, file=file) for each in robots]
+        return robots, found
 
 
-def _limit(name: str, values: Sequence[str] | None) -> float | dict[str, float] | None:
+def _number(name: str, value: str) -> float | str:
+    """Return a number, or a share as it is."""
+    number = value.rpartition("=")[2]
+    try:
+        return number if number.endswith("%") else float(number)
+    except ValueError:
+        option = f"--{name.replace('_', '-')} {value}"
+        raise ValueError(f"{option}: must be LIMIT or JOINT=LIMIT") from None
+
+
+def _limit(name: str, values: Sequence[str] | None) -> Given:
     """Return one number for all joints, or numbers by joint."""
-    by_joint: dict[str, float] = {}
+    by_joint: dict[str, float | str] = {}
     for value in values or ():
-        joint, _, number = value.rpartition("=")
-        try:
-            limit = float(number)
-        except ValueError:
-            raise ValueError(f"--{name} {value}: must be LIMIT or JOINT=LIMIT") from None
+        joint, limit = value.rpartition("=")[0], _number(name, value)
         if not joint and len(values or ()) > 1:
             raise ValueError(f"--{name}: several limits must be JOINT=LIMIT each, got {value}")
         if not joint:
             return limit
         by_joint[joint] = limit
     return by_joint or None
+
+
+# Kinds of obstacles: their classes, and names and counts of the numbers of each.
+_OBSTACLES: dict[str, tuple[type[Obstacle], dict[str, int]]] = {
+    "box": (Box, {"centre": 3, "size": 3, "rotation": 3}),
+    "ball": (Ball, {"centre": 3, "radius": 1}),
+    "capsule": (Capsule, {"start": 3, "end": 3, "radius": 1}),
+    "half-space": (HalfSpace, {"point": 3, "normal": 3}),
+}
+
+
+def as_obstacle(text: str) -> Obstacle:
+    """Return an obstacle from a text such as `box:0.5,0,0.2,0.3,0.3,0.4`, which is its name.
+
+    The numbers are those of the fields of `Box`, `Ball`, `Capsule` or `HalfSpace` in their order; a
+    box may end in roll, pitch and yaw [rad], as in URDF.
+
+    Raises:
+        ValueError: another kind, or other numbers.
+    """
+    kind, _, numbers = text.partition(":")
+    cls, counts = _OBSTACLES.get(kind, (None, {}))
+    values = _numbers("obstacle", text, numbers)
+    sizes = {sum(counts.values()), sum(counts.values()) - counts.get("rotation", 0)}
+    if cls is None or len(values) not in sizes:
+        raise ValueError(
+            f"--obstacle {text}: must be box:x,y,z,sx,sy,sz or box:x,y,z,sx,sy,sz,roll,pitch,yaw, "
+            "ball:x,y,z,radius, capsule:x,y,z,x,y,z,radius or half-space:x,y,z,nx,ny,nz"
+        )
+    parts = np.split(values, np.cumsum([*counts.values()]))
+    fields: dict[str, Any] = {
+        name: part if count > 1 else float(part[0])
+        for (name, count), part in zip(counts.items(), parts, strict=False)
+        if part.size
+    }
+    if "rotation" in fields:
+        fields["rotation"] = Rotation.from_euler("xyz", fields["rotation"]).as_matrix()
+    try:
+        return cls(**fields, name=text)
+    except ValueError as error:
+        raise ValueError(f"--obstacle {text}: {error}") from None
+
+
+def with_load(robot: Model, payload: str | None) -> Model:
+    """Return the robot with a payload from a text: its mass, centre and inertia.
+
+    Raises:
+        ValueError: not 1, 4, 7 or 10 numbers, or no possible payload.
+    """
+    if payload is None:
+        return robot
+    values = _numbers("payload", payload, payload)
+    if values.size not in (1, 4, 7, 10):
+        raise ValueError(f"--payload {payload}: must be MASS[,x,y,z[,ixx,iyy,izz[,ixy,ixz,iyz]]]")
+    mass, centre, moments = values[0], values[1:4], np.zeros(6)
+    moments[: max(values.size - 4, 0)] = values[4:]
+    (xx, yy, zz), (xy, xz, yz) = moments[:3], moments[3:]
+    inertia = None if values.size < 7 else [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    return robot.with_payload(mass, centre if centre.size else np.zeros(3), inertia)
+
+
+def _numbers(option: str, given: str, text: str) -> Array:
+    """Return numbers separated by commas."""
+    try:
+        return np.array([float(each) for each in text.split(",")])
+    except ValueError:
+        raise ValueError(f"--{option} {given}: must have numbers between commas") from None
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -18,7 +19,9 @@ from geodesic_ocp.cli.options import (
     LimitOptions,
     RetargetingOptions,
     Sides,
+    as_obstacle,
     each_side,
+    with_load,
 )
 from geodesic_ocp.cli.terminal import (
     check_folder,
@@ -55,7 +58,8 @@ def retarget(
     hand: list[str] | None = None,
     base: list[str] | None = None,
     alignment: list[Path] | None = None,
-    payload: float | None = None,
+    payload: str | None = None,
+    obstacle: list[str] | None = None,
     rate: float = 100.0,
     report: Flag = False,
     out: Path | None = None,
@@ -79,11 +83,15 @@ def retarget(
         base: fixed frame of the robot that becomes its base; one for each --robot.
         alignment: file of the robot's alignment with the person, as written by geodesic-ocp align;
             one for each --robot.
-        payload: mass in the hand [kg], at the origin of its frame.
+        payload: mass in the hand [kg], at the origin of its frame, or MASS,x,y,z at another centre,
+            or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
+        obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
+            capsule:x,y,z,x,y,z,radius or half-space:x,y,z,nx,ny,nz (a point and the outward
+            normal), in the frame of the robot's base [m, rad]; repeatable.
         rate: sampling rate of the trajectory [Hz]; 1000 for libfranka.
         report: write a page with animated models; default folder: geodesic_ocp_retarget.
         out: folder for tables, figures, synergies and the trajectory.
-        settings: file (.toml, .json) of any of these options, such as margin = 0.02.
+        settings: file (.toml, .json, .yaml) of any of these options, such as margin = 0.02.
     """
     del settings
     check_folder(out)
@@ -91,6 +99,8 @@ def retarget(
         require_pages()
     sides = each_side(side)
     arms = _arms(robot, len(sides), hand or (), base or (), alignment or ())
+    bodies = tuple(map(as_obstacle, obstacle or ()))
+    retargeting = replace(retargeting, obstacles=bodies)
     analyses = []
     for each in sides:
         analyses.append(analyse_file(file, each, analysis))
@@ -162,18 +172,19 @@ def _transfer(
     arms: Sequence[_Arm],
     settings: RetargetingSettings,
     limits: GivenLimits,
-    payload: float | None,
+    payload: str | None,
     rate: float,
     out: Path | None,
     with_report: bool,
 ) -> int:
-    robots = [robot if payload is None else robot.with_payload(payload) for robot, _ in arms]
+    loaded = [with_load(robot, payload) for robot, _ in arms]
+    robots, joints = limits.of_robots(loaded)
     with progress() as bar:
         result = retarget_arms(
             analyses,
             robots,
             alignments=[aligned for _, aligned in arms],
-            limits=limits.of_robots(robots),
+            limits=joints,
             rate=rate,
             settings=settings,
             progress=bar,

@@ -4,6 +4,7 @@ from .clearance import Clearance as Clearance
 from .clearance import keep_clear as keep_clear
 from .limits import JointLimits as JointLimits
 from .limits import joint_limits as joint_limits
+from .limits import within_ranges as within_ranges
 from .link_pairs import LinkPairs as LinkPairs
 from .link_pairs import link_pairs as link_pairs
 from .motion_measures import MotionMeasures as MotionMeasures

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.distance import cdist
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
@@ -76,6 +77,19 @@ def joint_forces(
         for robot, gravity, own_q, own_v, own_a in zip(robots, gravities, *states, strict=True)
     ]
     return np.concatenate(forces, axis=-1)
+
+
+def hand_speeds(robot: Model, q: Array, v: Array) -> Array:
+    """Return speeds |J(q) v| of the hand at states (k, n), (k,) [m/s]."""
+    velocities = evaluate(hand_velocity(robot).map(len(q)), q.T, v.T)
+    return np.asarray(np.linalg.norm(velocities, axis=0))
+
+
+@lru_cache(maxsize=16)
+def hand_velocity(robot: Model) -> ca.Function:
+    """Return (q, v) -> J(q) v, the velocity of the hand (3,) [m/s]."""
+    q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
+    return ca.Function("velocity", [q, v], [ca.jtimes(robot.hand_pose(q)[1], q, v)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,10 +394,13 @@ def stretched(
     for _ in range(_ROUNDS):
         ratio = np.zeros(knots.count + 1)
         guess = through(references, knots, durations, rest)
-        for arm, (_, velocities, accelerations) in zip(arms, guess.arms, strict=True):
+        for arm, (positions, velocities, accelerations) in zip(arms, guess.arms, strict=True):
             speed = np.abs(velocities) / arm.limits.velocity
             growth = np.abs(accelerations) / (_CORNERS * arm.limits.acceleration)
             ratio = np.maximum(ratio, np.maximum(speed, np.sqrt(growth)).max(axis=1))
+            if np.isfinite(arm.limits.hand_speed):
+                fast = hand_speeds(arm.robot, positions, velocities) / arm.limits.hand_speed
+                ratio = np.maximum(ratio, fast)
         ends = pairwise(knots.at_edges)
         needed = np.array([ratio[first : last + 1].max() for first, last in ends])
         if np.all(needed <= 1.0):

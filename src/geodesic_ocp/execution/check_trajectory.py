@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.arm_paths import joint_forces
+from geodesic_ocp.execution.arm_paths import hand_speeds, joint_forces
 from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.limits import UNITS, JointLimits, joined_limits, joint_limits
 from geodesic_ocp.model.model import Model
@@ -39,10 +39,11 @@ class TrajectoryCheck:
         violations: one sentence for each joint and condition that does not hold, with the worst
             time, value and limit; none if all hold.
         usage: largest fraction of each limit that a joint takes (n,), by "position" (0 in the
-            middle of the range, 1 at its ends), "velocity", "acceleration", "jerk" and "torque";
-            0 where there is no limit.
-        largest: largest magnitudes (n,), by "velocity", "acceleration", "jerk" and "torque", of
-            samples and of means between samples [rad or m, per second..., N m or N].
+            middle of the range, 1 at its ends), "velocity", "acceleration", "jerk", "torque" and
+            "torque_rate"; 0 where there is no limit. By "hand_speed", of each model.
+        largest: largest magnitudes (n,), by "velocity", "acceleration", "jerk", "torque" and
+            "torque_rate", of samples and of means between samples [rad or m, per second..., N m or
+            N]; by "hand_speed", of each model [m/s].
         joint_names: names of the n joints.
         clearance: least of the distances to be kept [m]; None: not checked.
     """
@@ -65,12 +66,18 @@ class TrajectoryCheck:
         return f"TrajectoryCheck({first}{others}; of the limits: {peaks})"
 
     def __str__(self) -> str:
-        return "\n".join([text(self.table()), "", *(self.violations or ("all conditions hold",))])
+        speeds = ", ".join(f"{speed:.3g} m/s" for speed in self.largest["hand_speed"])
+        share = f"{max(self.usage['hand_speed']):.0%} of its limit"
+        hand = f"fastest hand: {speeds}" + (f", {share}" if any(self.usage["hand_speed"]) else "")
+        found = self.violations or ("all conditions hold",)
+        return "\n".join([text(self.table()), "", hand, *found])
 
     def table(self) -> DataFrame:
         """Return largest magnitudes and fractions of limits, by joint."""
         columns = {"joint": self.joint_names, "position [limit]": self.usage["position"].tolist()}
         for name, unit in UNITS.items():
+            if name == "torque_rate" and not np.any(self.usage[name]):
+                continue
             columns[f"{name} [{unit}]"] = self.largest[name].tolist()
             columns[f"{name} [limit]"] = self.usage[name].tolist()
         return new_table(tuple(columns), tuple(zip(*columns.values(), strict=True)))
@@ -96,10 +103,10 @@ def check_trajectory(
     - Samples agree with each other: differences of positions with velocities, and differences of
       velocities with accelerations, up to the error of the trapezoidal rule. With steps h it is at
       most J h^3 / 8 and J h^2 / 2, where J is the jerk that the accelerations show nearby.
-    - Positions, velocities, accelerations, jerk and torques are within the limits, the latter four
-      up to a thousandth. Means between
-      samples count as well, such as the difference of two velocities over their step: what a
-      trajectory has in between is at least as large.
+    - Positions, velocities, accelerations, jerk, torques, their rates and the speeds of hands are
+      within the limits, all but the first up to a thousandth. Means between samples count as well,
+      such as the difference of two velocities over their step: what a trajectory has in between is
+      at least as large.
     - It is at rest at both ends, unless `rest` is False. Then the accelerations there are jumps
       from zero, which limits on jerk concern as well.
 
@@ -131,7 +138,8 @@ def check_trajectory(
     models = [model] if isinstance(model, Model) else list(model)
     trajectory = _in_order(trajectory, models)
     parts = [joint_limits(each) for each in models] if limits is None else limits
-    limit = joined_limits([parts] if isinstance(parts, JointLimits) else parts)
+    listed = [parts] if isinstance(parts, JointLimits) else parts
+    limit = joined_limits(listed)
     count = len(trajectory.joint_names)
     if limit.velocity.size != count:
         raise ValueError(f"limits must be of {count} joints, got {limit.velocity.size}")
@@ -144,12 +152,25 @@ def check_trajectory(
     found += _beyond_positions(trajectory, lower, upper)
     usage = {"position": _share_of_range(trajectory.positions, lower, upper)}
     largest: dict[str, Array] = {}
-    torques = _torques(trajectory, models, gravity)
-    for name, (instants, sizes) in _magnitudes(trajectory, torques, rest).items():
+    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    torques = _torques(states, models, gravity)
+    ends = trajectory.positions[[0, -1]]
+    weights = _torques((ends, 0.0 * ends, 0.0 * ends), models, gravity)
+    for name, (instants, sizes) in _magnitudes(trajectory, torques, weights, rest).items():
         bound = getattr(limit, name)
         largest[name] = np.max(sizes, axis=0, initial=0.0)
         usage[name] = largest[name] / bound
         found += _beyond(trajectory, name, instants, sizes, bound)
+    speeds = _hand_speeds(trajectory, models)
+    fastest = np.array([each.hand_speed for each in listed])
+    largest["hand_speed"] = speeds.max(axis=0)
+    usage["hand_speed"] = largest["hand_speed"] / fastest
+    for number, k in _worst(speeds - (1.0 + _SLACK) * fastest):
+        bound = np.broadcast_to(fastest, len(models))[number]
+        found.append(
+            f"the hand {models[number].hand} moves at {speeds[k, number]:.4g} m/s at "
+            f"{trajectory.time[k]:.4g} s, its limit {bound:.4g}"
+        )
     if rest:
         found += _unrest(trajectory)
     least = None
@@ -202,13 +223,23 @@ def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTraj
     return ordered
 
 
-def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: ArrayLike) -> Array:
-    """Return inverse dynamics of all models at the samples (k, n) [N m or N]."""
+def _torques(
+    states: tuple[Array, Array, Array], models: Sequence[Model], gravity: ArrayLike
+) -> Array:
+    """Return inverse dynamics of all models at states (k, n) [N m or N]."""
     falls = np.array(gravity, dtype=float)
     if falls.shape not in ((3,), (len(models), 3)) or not np.all(np.isfinite(falls)):
         raise ValueError(f"gravity must be 3 numbers, or 3 for each robot, got {gravity!r}")
-    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
     return joint_forces(models, list(np.broadcast_to(falls, (len(models), 3))), *states)
+
+
+def _hand_speeds(trajectory: JointTrajectory, models: Sequence[Model]) -> Array:
+    """Return speeds of the hands of all models at the samples (k, models) [m/s]."""
+    ends = np.cumsum([model.dof for model in models])[:-1]
+    states = (
+        np.split(each, ends, axis=1) for each in (trajectory.positions, trajectory.velocities)
+    )
+    return np.stack([hand_speeds(*each) for each in zip(models, *states, strict=True)], axis=1)
 
 
 def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
@@ -294,12 +325,13 @@ def _beyond_positions(trajectory: JointTrajectory, lower: Array, upper: Array) -
 
 
 def _magnitudes(
-    trajectory: JointTrajectory, torques: Array, rest: bool
+    trajectory: JointTrajectory, torques: Array, weights: Array, rest: bool
 ) -> dict[str, tuple[Array, Array]]:
-    """Return times (m,) and magnitudes (m, n) of velocity, acceleration, jerk and torque.
+    """Return times (m,) and magnitudes (m, n) of velocity, acceleration, jerk, torque and its rate.
 
     Samples, and means over steps, which the true largest magnitudes are not below; less what
-    rounding in a file may add. At ends at rest, an acceleration is a jump from zero.
+    rounding in a file may add. At ends at rest, an acceleration is a jump from zero, and a torque
+    one from the weight (2, n).
     """
     time, a = trajectory.time, trajectory.accelerations
     forward = np.diff(time)[:, None]
@@ -309,10 +341,17 @@ def _magnitudes(
     def means(values: Array, rounding: float) -> Array:
         return np.maximum(np.abs(np.diff(values, axis=0)) - rounding, 0.0) / steps
 
-    jerk = middles, means(a, ROUNDING[2])
+    jerk, rate = (middles, means(a, ROUNDING[2])), (middles, means(torques, ROUNDING[2]))
     if rest and len(steps):
-        ends = np.maximum(np.abs(a[[0, -1]]) - ROUNDING[2], 0.0) / steps[[0, -1]]
-        jerk = np.append(middles, time[[0, -1]]), np.vstack([jerk[1], ends])
+        with_ends = np.append(middles, time[[0, -1]])
+        jumps = a[[0, -1]], torques[[0, -1]] - weights
+        jerk, rate = (
+            (
+                with_ends,
+                np.vstack([inner, np.maximum(np.abs(jump) - ROUNDING[2], 0.0) / steps[[0, -1]]]),
+            )
+            for (_, inner), jump in zip((jerk, rate), jumps, strict=True)
+        )
     both = np.append(time, middles)
     q, v = trajectory.positions, trajectory.velocities
     return {
@@ -320,6 +359,7 @@ def _magnitudes(
         "acceleration": (both, np.vstack([np.abs(a), means(v, ROUNDING[1])])),
         "jerk": jerk,
         "torque": (time, np.abs(torques)),
+        "torque_rate": rate,
     }
 
 
@@ -329,9 +369,10 @@ def _beyond(
     """Yield joints whose magnitudes (m, n) at instants (m,) exceed their limits (n,)."""
     for joint, k in _worst(sizes - (1.0 + _SLACK) * limits):
         unit = UNITS[kind].split(", ")[trajectory.units[joint] == "m"]
-        mean = kind == "jerk" or k >= len(trajectory.time)
+        mean = kind in ("jerk", "torque_rate") or k >= len(trajectory.time)
         yield (
-            f"{kind} of {trajectory.joint_names[joint]} is {sizes[k, joint]:.4g} {unit}"
+            f"{kind.replace('_', ' ')} of {trajectory.joint_names[joint]} is "
+            f"{sizes[k, joint]:.4g} {unit}"
             + (" on average over the step" if mean else "")
             + f" at {at[k]:.4g} s, its limit {limits[joint]:.4g}"
         )

@@ -1,4 +1,4 @@
-"""Limits of a robot's joints on speed, acceleration, jerk and torque.
+"""Limits of a robot's joints on speed, acceleration, jerk and torque, and of its hand on speed.
 
 URDF files state no limits on acceleration and jerk, MJCF files none on speed either.
 """
@@ -9,15 +9,17 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from numbers import Real
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_vector, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.records import convert, read_record
+from geodesic_ocp.records import convert, read_record, read_structured
 from geodesic_ocp.tables import markdown, new_table
 
 if TYPE_CHECKING:
@@ -28,12 +30,19 @@ UNITS = {  # of revolute and of prismatic joints
     "acceleration": "rad/s^2, m/s^2",
     "jerk": "rad/s^3, m/s^3",
     "torque": "N m, N",
+    "torque_rate": "N m/s, N/s",
 }
 QUANTITIES = tuple(UNITS)
 # From which limit a default follows, what that is called, and within which time [s] it is reached.
 _DEFAULTS = {
     "acceleration": ("velocity", "speed", 0.25),
     "jerk": ("acceleration", "acceleration", 0.05),
+}
+_MOVEIT = {  # their names in files of MoveIt
+    "velocity": "velocity",
+    "acceleration": "acceleration",
+    "jerk": "jerk",
+    "torque": "effort",
 }
 _PLACEHOLDER = 1e5  # [rad/s or N m]: numbers in files from here on stand for no limit
 
@@ -48,6 +57,8 @@ class JointLimits(ShortRepr):
         jerk: [rad/s^3 or m/s^3].
         torque: [N m or N].
         sources: where the numbers come from, by the name of the field.
+        torque_rate: of the torque's rate of change [N m/s or N/s].
+        hand_speed: one number, of the origin of the hand frame [m/s].
 
     Raises:
         ValueError: the fields differ in shape, or an entry is not positive.
@@ -58,10 +69,16 @@ class JointLimits(ShortRepr):
     jerk: Array
     torque: Array
     sources: Mapping[str, str] = field(default_factory=dict)
-    _shown = QUANTITIES
+    torque_rate: Array = field(default_factory=lambda: np.array(np.inf))
+    hand_speed: float = np.inf
+    _shown = QUANTITIES[:4]
 
     def __post_init__(self) -> None:
         shape = np.shape(self.velocity)
+        if not self.hand_speed > 0.0:
+            raise ValueError(f"hand_speed must be positive, or infinite: {self.hand_speed}")
+        if np.ndim(self.torque_rate) == 0:
+            object.__setattr__(self, "torque_rate", np.full(shape, self.torque_rate))
         for name in QUANTITIES:
             values = np.array(getattr(self, name), dtype=float)
             if values.ndim != 1 or values.shape != shape:
@@ -74,9 +91,14 @@ class JointLimits(ShortRepr):
     def table(self, model: Model | None = None) -> DataFrame:
         """Return the numbers by joint, named if the model is given, with their sources below."""
         numbered = [str(k + 1) for k in range(self.velocity.size)]
-        columns = [getattr(self, name).tolist() for name in QUANTITIES]
+        shown = [
+            name
+            for name in QUANTITIES
+            if name != "torque_rate" or np.isfinite(self.torque_rate).any()
+        ]
+        columns = [getattr(self, name).tolist() for name in shown]
         names = model.joint_names if model else numbered
-        header = ("joint", *(f"{name} [{unit}]" for name, unit in UNITS.items()))
+        header = ("joint", *(f"{name} [{UNITS[name]}]" for name in shown))
         note = "; ".join(f"{name}: {source}" for name, source in self.sources.items())
         return new_table(header, tuple(zip(names, *columns, strict=True)), note)
 
@@ -105,11 +127,11 @@ def checked_start(model: Model, given: ArrayLike) -> Array:
 
 
 def joined_limits(parts: Sequence[JointLimits]) -> JointLimits:
-    """Join the limits of several arms, one arm after the other."""
-    velocity, acceleration, jerk, torque = (
+    """Join the limits of the joints of several arms, one arm after the other."""
+    velocity, acceleration, jerk, torque, rate = (
         np.concatenate([getattr(part, name) for part in parts]) for name in QUANTITIES
     )
-    return JointLimits(velocity, acceleration, jerk, torque)
+    return JointLimits(velocity, acceleration, jerk, torque, torque_rate=rate)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,37 +139,48 @@ class LimitShares(ShortRepr):
     """Largest magnitudes of a trajectory as fractions of the limits, (n,) each.
 
     Attributes:
-        velocity, acceleration, jerk, torque: zero where there is no limit.
+        velocity, acceleration, jerk, torque, torque_rate: zero where there is no limit.
+        hand_speed: one number, likewise.
     """
 
     velocity: Array
     acceleration: Array
     jerk: Array
     torque: Array
+    torque_rate: Array
+    hand_speed: float
 
     @property
     def largest(self) -> float:
         """The largest of all."""
-        return float(np.max([self.velocity, self.acceleration, self.jerk, self.torque]))
+        return float(max(self.hand_speed, *(getattr(self, each).max() for each in QUANTITIES)))
+
+
+# Numbers, or text: a share of the limit that there is otherwise, such as "50%".
+Given: TypeAlias = ArrayLike | Mapping[str, float | str] | None
 
 
 def joint_limits(
     model: Model,
     *,
-    velocity: ArrayLike | Mapping[str, float] | None = None,
-    acceleration: ArrayLike | Mapping[str, float] | None = None,
-    jerk: ArrayLike | Mapping[str, float] | None = None,
-    torque: ArrayLike | Mapping[str, float] | None = None,
+    velocity: Given = None,
+    acceleration: Given = None,
+    jerk: Given = None,
+    torque: Given = None,
+    torque_rate: Given = None,
+    hand_speed: float | str | None = None,
+    file: str | PathLike[str] | None = None,
 ) -> JointLimits:
     """Return limits of a model's joints: given ones, else the file's, else published ones, else
     defaults.
 
     Files of robots state limits on speed and torque; zero and very large numbers in them count as
-    no limit. Few makers publish limits on acceleration and jerk (`sources` names the document). The
-    default acceleration reaches full speed within 0.25 s, the default jerk full acceleration within
-    0.05 s; published ones of the Panda and the xArm7 do so within 0.13 to 0.29 s and 0.002 to
-    0.04 s. A joint without a limit on its speed has none on these either, nor has one without a
-    stated torque on its torque. Models of human arms have no such limits.
+    no limit. Few makers publish limits on acceleration, jerk, the torque's rate and the hand's
+    speed (`sources` names the document); the latter two have no defaults. The default acceleration
+    reaches full speed within 0.25 s, the default jerk full acceleration within 0.05 s; published
+    ones of the Panda and the xArm7 do so within 0.13 to 0.29 s and 0.002 to 0.04 s. A joint without
+    a limit on its speed has none on these either, nor has one without a stated torque on its
+    torque. Models of human arms have no such limits.
 
     >>> import geodesic_ocp as go
     >>> arm = go.human_arm("right")
@@ -157,17 +190,24 @@ def joint_limits(
     Args:
         model: a robot arm.
         velocity: one number for all joints, n numbers, or some by joint name, where the others are
-            found as if none were given [rad/s or m/s]; infinite for no limit.
+            found as if none were given [rad/s or m/s]; infinite for no limit. In place of any
+            number, a share of the limit that is found if none is given, such as "50%".
         acceleration: likewise [rad/s^2 or m/s^2].
         jerk: likewise [rad/s^3 or m/s^3].
         torque: likewise [N m, N for prismatic joints].
+        torque_rate: likewise [N m/s, N/s for prismatic joints].
+        hand_speed: one number or share, of the hand [m/s].
+        file: a `joint_limits.yaml` of MoveIt, whose limits come before those of the model's file.
 
     Raises:
-        ValueError: an unknown joint, not 1 or n numbers, or one that is not positive.
+        ValueError: an unknown joint, not 1 or n numbers, one that is not positive, or a share
+            of a limit that there is not.
     """
     given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk, "torque": torque}
+    given["torque_rate"] = torque_rate
     torques = np.minimum(np.abs(model.pin.lowerEffortLimit), np.abs(model.pin.upperEffortLimit))
     in_file = {"velocity": model.pin.velocityLimit, "torque": torques}
+    in_moveit = {} if file is None else _moveit_limits(Path(file), model)
     known = known_limits(model)
     none = np.zeros(model.dof)
     found: dict[str, Array] = {}
@@ -182,38 +222,121 @@ def joint_limits(
             ways.insert(0, (f"default: full {what} within {time:g} s", default))
         in_it = np.array(in_file.get(name, none))
         ways.append(("file of the model", np.where(in_it < _PLACEHOLDER, in_it, 0.0)))
-        ways.append(("given", _given(name, value, model)))
+        ways.append((str(file), in_moveit.get(name, none)))
         values, origins = np.full(model.dof, np.inf), ["not limited"] * model.dof
         for origin, numbers in ways:
             for k in np.flatnonzero(numbers > 0.0).tolist():
                 values[k], origins[k] = numbers[k], origin
+        for k, entry in _by_joint(name, value, model).items():
+            label = f"{name} of {model.joint_names[k]}"
+            values[k], origins[k] = _given(label, entry, values[k], origins[k])
         found[name] = values
         sources[name] = _summary(origins, model.joint_names)
-    return JointLimits(**found, sources=sources)
+    fastest, sources["hand_speed"] = np.inf, "not limited"
+    if known and known.hand_speed is not None:
+        fastest, sources["hand_speed"] = known.hand_speed, known.source
+    if hand_speed is not None:
+        fastest, sources["hand_speed"] = _given(
+            "hand_speed", hand_speed, fastest, sources["hand_speed"]
+        )
+    return JointLimits(**found, sources=sources, hand_speed=fastest)
 
 
-def _given(name: str, value: ArrayLike | Mapping[str, float] | None, model: Model) -> Array:
-    """Return the given numbers (n,), 0 where there is none."""
-    found = np.zeros(model.dof)
+def within_ranges(
+    model: Model, position: Given = None, file: str | PathLike[str] | None = None
+) -> Model:
+    """Return the model with narrower ranges of its joints.
+
+    Args:
+        model: a robot arm.
+        position: a share of the range about its middle, such as "90%", of all joints or by name.
+        file: a `joint_limits.yaml` of MoveIt; what its ranges and the model's have in common comes
+            before the share.
+
+    Raises:
+        ValueError: an unknown joint, no share, or a range with nothing in common with the model's.
+    """
+    lower, upper = model.lower.copy(), model.upper.copy()
+    for k, stated in ({} if file is None else _in_moveit(Path(file), model)).items():
+        if stated.get("has_position_limits"):
+            low, high = (
+                as_number(f"{file}: {end} of {model.joint_names[k]}", stated.get(end))
+                for end in ("min_position", "max_position")
+            )
+            lower[k], upper[k] = max(low, lower[k]), min(high, upper[k])
+    for k, entry in _by_joint("position", position, model).items():
+        if not _SHARE.fullmatch(str(entry)):
+            raise ValueError(f"position must be a share of the range such as 90%, got {entry!r}")
+        middle, range_of = (lower[k] + upper[k]) / 2.0, f"range of {model.joint_names[k]}"
+        half, _ = _given("position", entry, (upper[k] - lower[k]) / 2.0, range_of)
+        lower[k], upper[k] = middle - half, middle + half
+    return model.with_limits(lower, upper)
+
+
+_SHARE = re.compile(r"(\d+\.?\d*) ?%")
+
+
+def _by_joint(name: str, value: Given, model: Model) -> dict[int, Any]:
+    """Return the given numbers and shares by the number of the joint."""
+    if isinstance(value, Mapping):
+        for joint in value:
+            if joint not in model.joint_names:
+                known = ", ".join(model.joint_names)
+                raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
+        return {model.joint_names.index(joint): entry for joint, entry in value.items()}
     if value is None:
-        return found
-    joints = list(value) if isinstance(value, Mapping) else list(model.joint_names)
-    for joint in joints:
-        if joint not in model.joint_names:
-            known = ", ".join(model.joint_names)
-            raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
-    try:
-        numbers = real_array(list(value.values()) if isinstance(value, Mapping) else value)
-    except (TypeError, ValueError):
-        numbers = np.zeros((0, 0))
-    if isinstance(value, str) or (numbers.ndim > 0 and numbers.shape != (len(joints),)):
+        return {}
+    entries = np.array(value, dtype=object)
+    text = isinstance(value, str) and not _SHARE.fullmatch(value)
+    if text or entries.shape not in ((), (model.dof,)):
         raise ValueError(
             f"{name} must be one number, {model.dof} numbers, or numbers by joint name, "
             f"got {value!r}"
         )
-    if not np.all(numbers > 0.0):
-        raise ValueError(f"{name} must be positive, or infinite for no limit, got {value!r}")
-    found[[model.joint_names.index(joint) for joint in joints]] = numbers
+    return dict(enumerate(np.broadcast_to(entries, model.dof).tolist()))
+
+
+def _given(name: str, entry: Any, otherwise: float, origin: str) -> tuple[float, str]:
+    """Return a given limit, or a share of the one that there is otherwise, and its source."""
+    if isinstance(entry, str) and (share := _SHARE.fullmatch(entry)):
+        part = as_number(name, float(share[1]) / 100.0)
+        if not (0.0 < part <= 1.0 and np.isfinite(otherwise)):
+            raise ValueError(
+                f"{name} must be above 0% and at most 100% of a limit, got {entry} of "
+                f"{otherwise:g} ({origin})"
+            )
+        return part * otherwise, f"{entry} of: {origin}"
+    number = float(entry) if not isinstance(entry, bool) and isinstance(entry, Real) else np.nan
+    if not number > 0.0:
+        raise ValueError(f"{name} must be positive, or infinite for no limit, got {entry!r}")
+    return number, "given"
+
+
+@dataclass(frozen=True)
+class _MoveIt:
+    joint_limits: dict[str, dict[str, bool | float]]
+
+
+def _in_moveit(file: Path, model: Model) -> dict[int, dict[str, bool | float]]:
+    """Return what the file states by the number of the joint, without its scaling factors, which
+    are defaults of requests.
+    """
+    stated = convert(read_structured(file, "joint_limits.yaml of MoveIt"), _MoveIt, file)
+    names = model.joint_names
+    found = {names.index(joint): of for joint, of in stated.joint_limits.items() if joint in names}
+    if not found:
+        raise ValueError(f"{file}: has none of the joints {', '.join(names)}")
+    return found
+
+
+def _moveit_limits(file: Path, model: Model) -> dict[str, Array]:
+    """Return limits (n,) by name, 0 where the file states none."""
+    found = {name: np.zeros(model.dof) for name in _MOVEIT}
+    for k, stated in _in_moveit(file, model).items():
+        for name, theirs in _MOVEIT.items():
+            if stated.get(f"has_{theirs}_limits"):
+                label = f"{file}: max_{theirs} of {model.joint_names[k]}"
+                found[name][k] = as_positive(label, stated.get(f"max_{theirs}", np.nan))
     return found
 
 
@@ -235,11 +358,13 @@ class KnownLimits:
         source: the document, and what it states.
         joints: ends of the names of the joints.
         values: values by the name of a field of JointLimits, in its units.
+        hand_speed: of the hand [m/s].
     """
 
     source: str
     joints: tuple[str, ...]
     values: Mapping[str, tuple[float, ...]]
+    hand_speed: float | None = None
 
 
 @cache

@@ -154,18 +154,20 @@ def motion_measures(
         rotation=float(angle.mean()),
         largest_rotation=float(angle.max()),
         outside=max(0.0, float(np.max([robot.lower - q, q - robot.upper]))),
-        usage={name: float(usage[name].max()) for name in QUANTITIES},
+        usage={name: float(usage[name].max()) for name in (*QUANTITIES, "hand_speed")},
     )
 
 
 def measures_table(measures: Mapping[str, MotionMeasures]) -> DataFrame:
     """Return one row for each motion by its name."""
-    rows = []
+    rows, rare = [], ("torque_rate", "hand_speed")  # few robots have these limits
+    some = [kind for kind in rare if any(each.usage[kind] for each in measures.values())]
+    kinds = [*QUANTITIES[:4], *some]
     for name, each in measures.items():
         values = [getattr(each, attribute) for attribute in _COLUMNS.values()]
-        shares = [each.usage[kind] for kind in QUANTITIES]
+        shares = [each.usage[kind] for kind in kinds]
         rows.append((name, *values, *shares))
-    header = ("motion", *_COLUMNS, *(f"{kind} [limit]" for kind in QUANTITIES))
+    header = ("motion", *_COLUMNS, *(f"{kind} [limit]" for kind in kinds))
     return new_table(header, rows)
 
 

@@ -34,6 +34,7 @@ from geodesic_ocp.execution.arm_paths import (
     Knots,
     KnotStates,
     Reference,
+    hand_velocity,
 )
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
@@ -151,14 +152,33 @@ class ArmTerms(Course):
 
     def torques(self, knots: Indices, shares: Array) -> Block:
         """Return torques at some of the knots (k,), within shares (k, n) of their limits."""
-        arm, limit = self.arm, self.arm.limits.torque
+        units, upper, terms = self._torques("torque", shares)
+        columns = self.indices(knots)
+        return Block(terms, columns, np.tile(units, (knots.size, 1)), -upper, upper)
+
+    def torque_rates(self, pieces: Indices, shares: Array) -> Block:
+        """Return mean rates of torques in some of the pieces, within shares of their limits."""
+        units, upper, terms = self._torques("torque_rate", shares)
+        ends = self.indices(pieces), self.indices(pieces + 1)
+        columns = np.hstack([*ends, self.knots.interval[pieces, None]])
+        values = np.hstack([self.knots.fraction[pieces, None], np.tile(units, (pieces.size, 1))])
+        return Block(terms, columns, values, -upper, upper)
+
+    def _torques(self, kind: str, shares: Array) -> tuple[Array, Array, Terms]:
+        limit = getattr(self.arm.limits, kind)
         limited = np.flatnonzero(np.isfinite(limit))
-        units = np.concatenate([*self.units[1:3], limit[limited], np.ravel(arm.gravity)])
-        upper = shares[:, limited]
-        return Block(
-            *(_torques(arm.robot, tuple(limited.tolist())), self.indices(knots)),
-            *(np.tile(units, (knots.size, 1)), -upper, upper),
-        )
+        units = np.concatenate([*self.units[1:3], limit[limited], np.ravel(self.arm.gravity)])
+        make = _torques if kind == "torque" else _torque_rates
+        return units, shares[:, limited], make(self.arm.robot, tuple(limited.tolist()))
+
+    def hand_speeds(self, knots: Indices, shares: Array) -> Block:
+        """Return squared speeds of the hand at some of the knots, within shares (k, 1) of the
+        limit.
+        """
+        units = np.tile([*self.units[1], self.arm.limits.hand_speed], (knots.size, 1))
+        columns = self.indices(knots, 2)
+        none = np.full(shares.shape, -np.inf)
+        return Block(_hand_speed(self.arm.robot), columns, units, none, shares**2)
 
     def end_speeds(self) -> Block:
         """Return squared differences of the velocities at both ends from the person's progress."""
@@ -214,6 +234,22 @@ def _torques(robot: Model, limited: tuple[int, ...]) -> Terms:
 
 
 @lru_cache(maxsize=16)
+def _torque_rates(robot: Model, limited: tuple[int, ...]) -> Terms:
+    n, torques = robot.dof, _torques(robot, limited)
+    z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 1 + torques.size_p)
+    first, last = (torques.value(state, p[1:])[1] for state in ca.vertsplit(z[:-1], 3 * n))
+    return Terms(z, p, 0.0, (last - first) / (p[0] * z[-1]))
+
+
+@lru_cache(maxsize=16)
+def _hand_speed(robot: Model) -> Terms:
+    n = robot.dof
+    z, p = ca.SX.sym("z", 2 * n), ca.SX.sym("p", n + 1)
+    q, v = ca.vertsplit(z, n)
+    return Terms(z, p, 0.0, ca.sumsqr(hand_velocity(robot)(q, v * p[:n]) / p[-1]))
+
+
+@lru_cache(maxsize=16)
 def _end_speeds(n: int) -> Terms:
     v, p = ca.SX.sym("v", n), ca.SX.sym("p", n)
     return Terms(v, p, _END_SPEED * ca.sumsqr(v - p))
@@ -233,6 +269,9 @@ def _distance(function: ca.Function) -> Terms:
     return Terms(q, ca.vertcat(ca.SX(0, 1), *numbers), 0.0, function(q, *numbers))
 
 
+SAMPLED = ("torque", "torque_rate", "hand_speed")  # limits that are checked at samples
+
+
 @dataclass(frozen=True, eq=False)
 class WatchedArm:
     """Limits of one arm.
@@ -240,14 +279,14 @@ class WatchedArm:
     Attributes:
         pieces: pieces by kind of limit ("jerk", "velocity", "position"): numbers (k, 2) of pieces
             and joints.
-        torques: numbers of the knots at which torques are limited (k,).
-        torque_shares: torque shares of the limits that torques may reach at the knots, (knots, n);
-            less than all where a torque is larger between the knots.
+        sampled: by the kind of limit, numbers (k,) of the knots at which "torque" and "hand_speed"
+            are limited, or of pieces for "torque_rate", and the shares of the limits that are
+            allowed at all knots or in all pieces, (knots, m); less than all where more is
+            reached between knots.
     """
 
     pieces: Mapping[str, Indices]
-    torques: Indices
-    torque_shares: Array
+    sampled: Mapping[str, tuple[Indices, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,9 +424,10 @@ class TrajectoryProgram:
             for kind, pairs in limits.pieces.items():
                 numbers = pairs[:, 0] * terms.dof + pairs[:, 1]
                 yield (arm, kind), numbers, terms.between_knots(kind, pairs)
-            if limits.torques.size:
-                allowed = limits.torque_shares[limits.torques]
-                yield (arm, "torque"), limits.torques, terms.torques(limits.torques, allowed)
+            rows = terms.torques, terms.torque_rates, terms.hand_speeds
+            of_kind = dict(zip(SAMPLED, rows, strict=True))
+            for kind, (numbers, allowed) in limits.sampled.items():
+                yield (arm, kind), numbers, of_kind[kind](numbers, allowed[numbers])
             if not self.rest:
                 yield (arm, "end speeds"), pieces, terms.end_speeds()
         for index, knots in watched.knots.items():

@@ -22,6 +22,7 @@ from geodesic_ocp.execution.arm_paths import (
     Knots,
     KnotStates,
     Reference,
+    hand_speeds,
     stretched,
     through,
     union_of_edges,
@@ -71,26 +72,38 @@ class ArmCheck:
         }
 
     @cached_property
-    def torques(self) -> Array:
-        """Shares of the torques at evenly spaced times in every piece, (k, samples, n)."""
-        limit = self.arm.limits.torque
-        shape = (self.spline.curve.x.size - 1, _SAMPLES, limit.size)
-        if not np.any(np.isfinite(limit)):
-            return np.zeros(shape)
-        states = self.spline(self.spline.within_pieces(_SAMPLES).ravel())[:3]
-        force = self.arm.robot.inverse_dynamics(*states, self.arm.gravity)
-        return np.asarray((np.abs(force) / limit).reshape(shape))
+    def sampled(self) -> Mapping[str, Array]:
+        """Shares at evenly spaced times in every piece, (k, samples, n), by the kind of limit.
+
+        Rates of torques are differences of second order; of the hand there is one share.
+        """
+        arm, limits = self.arm, self.arm.limits
+        time = self.spline.within_pieces(_SAMPLES)
+        shape = (*time.shape, arm.robot.dof)
+        found = {"torque": np.zeros(shape), "torque_rate": np.zeros(shape)}
+        found["hand_speed"] = np.zeros((*time.shape, 1))
+        q, v, a, _ = self.spline(time.ravel())
+        if np.isfinite([limits.torque, limits.torque_rate]).any():
+            force = arm.robot.inverse_dynamics(q, v, a, arm.gravity).reshape(shape)
+            rate = np.gradient(force, axis=1, edge_order=2) / np.diff(time[:, :2])[..., None]
+            found["torque"] = np.abs(force) / limits.torque
+            found["torque_rate"] = np.abs(rate) / limits.torque_rate
+        if np.isfinite(limits.hand_speed):
+            speed = hand_speeds(arm.robot, q, v).reshape(*time.shape, 1)
+            found["hand_speed"] = speed / limits.hand_speed
+        return found
 
     @property
     def largest(self) -> dict[str, Array]:
         """Largest shares of the whole spline (n,), by the kind of limit."""
         shares = {kind: of_pieces.max(axis=0) for kind, of_pieces in self.pieces.items()}
-        return {**shares, "torque": self.torques.max(axis=(0, 1))}
+        return shares | {kind: each.max(axis=(0, 1)) for kind, each in self.sampled.items()}
 
     @property
     def shares(self) -> LimitShares:
         """Largest shares of the whole spline, without positions."""
-        return LimitShares(**{name: self.largest[name] for name in QUANTITIES})
+        of_joints = {name: self.largest[name] for name in QUANTITIES}
+        return LimitShares(**of_joints, hand_speed=float(self.largest["hand_speed"][0]))
 
     @property
     def worst(self) -> tuple[float, str]:
@@ -98,14 +111,15 @@ class ArmCheck:
         largest = self.largest
         kind = max(largest, key=lambda name: float(largest[name].max()))
         joint = int(largest[kind].argmax())
-        name = f"the {kind} of {self.arm.robot.joint_names[joint]} exceeds its limit"
+        whose = "the hand" if kind == "hand_speed" else self.arm.robot.joint_names[joint]
+        name = f"the {kind.removeprefix('hand_').replace('_', ' ')} of {whose} exceeds its limit"
         return float(largest[kind][joint]) - 1.0, name
 
 
 # Shares of the limits, one and [rad] for positions, from which on a limit is minded as well where
 # it is exceeded elsewhere.
 _NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
-_NEAR_TORQUE, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
+_NEAR_SAMPLED, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
 _MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
 _NONE: Indices = np.zeros(0, dtype=np.int64)
 
@@ -121,8 +135,7 @@ def watched_at_first(program: TrajectoryProgram, durations: Array) -> Watched:
     steps, arms = program.knots.steps(durations)[:, None], []
     for terms in program.terms:
         slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
-        shares = np.full((len(steps) + 1, terms.dof), 1.0 - INSIDE)
-        arms.append(WatchedArm({"jerk": slow} if slow.size else {}, _NONE, shares))
+        arms.append(WatchedArm({"jerk": slow} if slow.size else {}, {}))
     lower = np.where(program.fixed_knots[:, None], -np.inf, program.clearance.lower)
     return Watched(tuple(arms), {}, lower)
 
@@ -145,11 +158,20 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
         if shares.max() > 1.0 + TOLERANCE:
             known = pieces.get(kind, np.zeros((0, 2), dtype=np.int64))
             pieces[kind] = np.unique(np.vstack([known, np.argwhere(shares > near)]), axis=0)
-    if check.torques.max() <= 1.0 + TOLERANCE:
-        return WatchedArm(pieces, watched.torques, watched.torque_shares)
-    close, more = _at_knots_of(check.torques - 1.0, _NEAR_TORQUE - 1.0, -INSIDE, 0.0)
-    knots = np.union1d(watched.torques, np.flatnonzero(close.any(axis=1)))
-    return WatchedArm(pieces, knots, watched.torque_shares * (1.0 - np.minimum(more, 0.5)))
+    sampled = dict(watched.sampled)
+    for kind, shares in check.sampled.items():
+        if shares.max() <= 1.0 + TOLERANCE:
+            continue
+        if kind == "torque_rate":
+            rows, largest = shares.mean(axis=1) - 1.0, shares.max(axis=1) - 1.0
+            close = np.maximum(rows - _NEAR_SAMPLED + 1.0, largest) > 0.0
+            more = _beyond(largest, 0.0, np.maximum(rows, -INSIDE))
+        else:
+            close, more = _at_knots_of(shares - 1.0, _NEAR_SAMPLED - 1.0, -INSIDE, 0.0)
+        numbers, allowed = sampled.get(kind, (_NONE, np.full(close.shape, 1.0 - INSIDE)))
+        numbers = np.union1d(numbers, np.flatnonzero(close.any(axis=1)))
+        sampled[kind] = numbers, allowed * (1.0 - np.minimum(more, 0.5))
+    return WatchedArm(pieces, sampled)
 
 
 def _at_knots_of(
@@ -169,8 +191,13 @@ def _at_knots_of(
     largest, at_knots = excess.max(axis=1), np.concatenate([excess[:, 0], excess[-1:, -1]])
     beyond = largest > tolerance
     ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), kept)
-    more = np.where(beyond, _MORE * (largest - ends) + _ROUNDING, 0.0)
+    more = _beyond(largest, tolerance, ends)
     return (at_knots > near) | (_at_both_ends(beyond) > 0.0), _at_both_ends(more)
+
+
+def _beyond(largest: Array, tolerance: float, kept: Array) -> Array:
+    """Return what is to be taken off in every piece."""
+    return np.where(largest > tolerance, _MORE * (largest - kept) + _ROUNDING, 0.0)
 
 
 def _at_both_ends(of_pieces: Array) -> Array:

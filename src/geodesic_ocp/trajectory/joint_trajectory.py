@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 from math import perm
 from os import PathLike
 from pathlib import Path
@@ -23,7 +23,6 @@ NANO = 1_000_000_000
 _EVEN = 1e-4  # largest deviation of an even step, of its length
 KINDS = ("position", "velocity", "acceleration", "effort")  # of columns of a table
 _METRES = ("m", "m/s", "m/s^2", "N")  # their units for a joint in metres
-_SUFFIXES = (".csv", ".json", ".npz")
 # Powers of s in [0, 1] of the quintic with q, h q', h^2 q'' at 0 and 1: coefficients (6, 6).
 _COEFFICIENTS = np.linalg.inv(
     [[perm(k, d) * s ** max(k - d, 0) for k in range(6)] for s in (0.0, 1.0) for d in range(3)]
@@ -215,12 +214,17 @@ class JointTrajectory(ShortRepr):
         writer.writerows(np.column_stack([self.time, *found.values()]).tolist())
         return text.getvalue()
 
-    def json(self) -> str:
+    def json(self, *, effort: bool = False) -> str:
         """Return JSON with the fields of the ROS 2 message trajectory_msgs/msg/JointTrajectory.
 
         The message has no units: controllers take rad and m.
+
+        Args:
+            effort: include the efforts, if known. The joint_trajectory_controller of ros2_control
+                rejects a message that has any.
         """
-        efforts = np.zeros((len(self.time), 0)) if self.efforts is None else self.efforts
+        known = self.efforts if effort else None
+        efforts = np.zeros((len(self.time), 0)) if known is None else known
         arrays = self.positions, self.velocities, self.accelerations, efforts
         names = ("positions", "velocities", "accelerations", "effort")
         points = []
@@ -250,17 +254,23 @@ class JointTrajectory(ShortRepr):
         )
         return archive.getvalue()
 
-    def save(self, file: str | PathLike[str]) -> Path:
+    def save(self, file: str | PathLike[str], *, effort: bool = False) -> Path:
         """Write a file by its suffix, .csv, .json or .npz, and return its path.
+
+        Args:
+            file: its path. A .csv and an .npz include the efforts, if known.
+            effort: also include them in a .json, see `json`.
 
         Raises:
             ValueError: another suffix.
             OSError: the file cannot be written.
         """
-        path = Path(file)
-        if path.suffix not in _SUFFIXES:
-            raise ValueError(f"file must end in {', '.join(_SUFFIXES)}, got {str(file)!r}")
-        written = getattr(self, path.suffix[1:])()
+        path, json = Path(file), partial(self.json, effort=effort)
+        writers: dict[str, Callable[[], str | bytes]]
+        writers = {".csv": self.csv, ".json": json, ".npz": self.npz}
+        if path.suffix not in writers:
+            raise ValueError(f"file must end in {', '.join(writers)}, got {str(file)!r}")
+        written = writers[path.suffix]()
         content = written if isinstance(written, bytes) else written.encode("utf-8")
         write_together(path.parent, lambda folder: (folder / path.name).write_bytes(content))
         return path

@@ -217,7 +217,7 @@ def test_a_convention_in_toml(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "is not a convention in JSON or TOML"),
+        ("{", "is not a convention in JSON, TOML or YAML"),
         ("[]", "a convention has the keys name, relations"),
         ('{"relations": 3}', "relations must be a list"),
         (

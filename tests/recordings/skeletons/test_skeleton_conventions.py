@@ -140,7 +140,7 @@ def test_a_convention_in_toml_is_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "is not a convention in JSON or TOML"),
+        ("{", "is not a convention in JSON, TOML or YAML"),
         ("[1]", "a convention has the keys name, joints, up"),
         ('{"joints": {}, "colour": 1}', "a convention has the keys name, joints, up"),
         ('{"up": "+y"}', "of which 'joints' is required"),

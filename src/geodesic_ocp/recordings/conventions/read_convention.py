@@ -14,7 +14,7 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
 from geodesic_ocp.recordings.conventions.stated import from_record
-from geodesic_ocp.records import decoding, read_json_or_toml
+from geodesic_ocp.records import decoding, read_structured
 
 
 def as_convention(
@@ -50,7 +50,7 @@ def as_convention(
     file = Path(given)
     if file.suffix.lower() == ".osim":
         return OsimConvention(file)
-    record = read_json_or_toml(file, "convention", f"; built-in conventions are {known}")
+    record = read_structured(file, "convention", f"; built-in conventions are {known}")
     with decoding(file):
         if not isinstance(record, dict) or "model" not in record:
             return _angle_convention(file.stem, record)

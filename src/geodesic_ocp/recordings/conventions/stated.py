@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from geodesic_ocp.records import decoding, read_json_or_toml
+from geodesic_ocp.records import decoding, read_structured
 
 Stated = TypeVar("Stated", bound=Any)
 
@@ -32,7 +32,7 @@ def as_stated(
     if not isinstance(given, (str, Path)):
         raise ValueError(f"{argument} must be a {kind.__name__} or a file, got {given!r}")
     file = Path(given)
-    record = read_json_or_toml(file, "convention")
+    record = read_structured(file, "convention")
     with decoding(file):
         return from_record(kind, what, record, {"name": file.stem})
 
