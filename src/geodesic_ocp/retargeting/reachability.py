@@ -141,6 +141,11 @@ class NearestPoses(NamedTuple):
     distances: Array
     angles: Array
 
+    @property
+    def within_reach(self) -> NDArray[np.bool_]:
+        """Which targets are attained (k,)."""
+        return np.asarray(np.maximum(self.distances, self.angles) <= _WITHIN)
+
 
 def nearest_poses(
     robot: Model, rotations: Array | None, positions: Array, starts: Array, steps: int
@@ -189,6 +194,24 @@ def nearest_poses(
     errors, _ = _errors(robot, rows, chosen, poses)
     distances = np.linalg.norm(errors[:, :3], axis=1)
     return NearestPoses(chosen, distances, np.linalg.norm(errors[:, 3:], axis=1))
+
+
+def nearest_of_each(
+    robot: Model, rotations: Array | None, positions: Array, starts: Array, steps: int
+) -> NearestPoses:
+    """Return `nearest_poses` for c sets of k targets at once, with leading axes (c, k).
+
+    Args:
+        robot, steps: see there.
+        rotations: (c, k, 3, 3) in its base frame; None leaves them free.
+        positions: (c, k, 3) [m].
+        starts: configurations (k, m, n), of every set.
+    """
+    sets, count, _ = positions.shape
+    turned = None if rotations is None else rotations.reshape(-1, 3, 3)
+    every = np.tile(starts, (sets, 1, 1))
+    found = nearest_poses(robot, turned, positions.reshape(-1, 3), every, steps)
+    return NearestPoses(*(each.reshape(sets, count, *each.shape[1:]) for each in found))
 
 
 def search_range(robot: Model) -> tuple[Array, Array]:
@@ -307,7 +330,7 @@ def reachability(
     starts = _random_starts(robot, len(placed))
     found = nearest_poses(robot, turned, placed, starts, _STEPS)
     beyond = distances_beyond(alignment, placed)
-    attained = _attained(found)
+    attained = found.within_reach
     unreachable = tuple(
         Unreachable(int(k), float(found.distances[k]), float(found.angles[k]), float(beyond[k]))
         for k in np.flatnonzero(np.logical_not(attained))
@@ -349,10 +372,6 @@ def _random_starts(robot: Model, count: int) -> Array:
     return np.repeat(random[None], count, axis=0)
 
 
-def _attained(found: NearestPoses) -> Array:
-    return np.asarray(np.maximum(found.distances, found.angles) <= _WITHIN)
-
-
 def _best(
     robot: Model,
     alignment: Alignment,
@@ -369,11 +388,9 @@ def _best(
     ) -> NDArray[np.int64]:
         """Return the numbers of poses within reach, found together for several mountings."""
         poses = [mounting.poses(*(each[some] for each in person)) for mounting in several]
-        mapped, placed = map(np.concatenate, zip(*poses, strict=True))
+        mapped, placed = map(np.stack, zip(*poses, strict=True))
         wanted = None if rotations is None else mapped
-        every = np.tile(starts, (len(several), 1, 1))
-        attained = _attained(nearest_poses(robot, wanted, placed, every, steps))
-        return np.asarray(attained.reshape(len(several), -1).sum(axis=1))
+        return nearest_of_each(robot, wanted, placed, starts, steps).within_reach.sum(axis=1)
 
     # Poses as far from reach as possible decide; the others are nearly always kept.
     order = np.argsort(-(found.distances + found.angles), kind="stable")[:_MOST_POSES]
