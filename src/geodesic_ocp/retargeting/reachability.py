@@ -17,11 +17,13 @@ from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import errors_and_twists, pose_steps, search_bounds
 from geodesic_ocp.retargeting.arm_alignment import Alignment
+from geodesic_ocp.retargeting.waypoints import PairedArm
 from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+_FITTING = tuple(np.arange(40, 19, -1) / 40.0)
 _SCALES = (0.95, 0.9, 0.85, 0.8, 0.7, 0.6)
 _SHIFTS = (0.1, 0.2, 0.3)  # of the arm's length
 _ANGLES = (30, -30, 60, -60, 90, -90)  # [degrees]
@@ -327,7 +329,7 @@ def reachability(
     turned, placed = _as_poses(rotations, positions)
     if scale is not None:
         scale = as_positive("scale", scale)
-    starts = _random_starts(robot, len(placed))
+    starts = random_starts(robot, len(placed))
     found = nearest_poses(robot, turned, placed, starts, _STEPS)
     beyond = distances_beyond(alignment, placed)
     attained = found.within_reach
@@ -343,6 +345,37 @@ def reachability(
         mounting, helped = None, int(attained.sum())
     advice = _advice(robot, unreachable, len(placed), mounting, helped, scale, turned is not None)
     return Reachability(len(placed), unreachable, mounting, helped, advice)
+
+
+def scaled_to_fit(pairs: Sequence[PairedArm]) -> list[PairedArm]:
+    """Return arms with positions scaled down until the most poses are within reach.
+
+    The largest such factor, to 0.025, from 1 down to 0.5; one for all arms, as they move together.
+    """
+    best = 1.0
+    for pair in pairs:
+        robot, samples = pair.robot, pair.key_samples
+        turned, placed = (each[samples] for each in pair.target_poses)
+        rotations = turned[None] if pair.settings.orientation_weight > 0.0 else None
+        shoulder, starts = (
+            np.asarray(pair.mapping.target.shoulder),
+            random_starts(robot, len(turned)),
+        )
+        factor, most = 1.0, -1
+        for tried in _FITTING:
+            scaled = (shoulder + tried * (placed - shoulder))[None]
+            found = nearest_of_each(robot, rotations, scaled, starts, _STEPS)
+            if (within := int(found.within_reach.sum())) > most:
+                factor, most = tried, within
+            if most == len(samples):
+                break
+        best = min(best, factor)
+    fitted = []
+    for pair in pairs:
+        mapping = replace(pair.mapping, scale=best * pair.mapping.scale)
+        poses = mapping(pair.analysis.motion.q)
+        fitted.append(replace(pair, mapping=mapping, target_poses=poses))
+    return fitted
 
 
 def distances_beyond(alignment: Alignment, positions: ArrayLike) -> Array:
@@ -364,7 +397,7 @@ def _as_poses(rotations: ArrayLike | None, positions: ArrayLike) -> tuple[Array 
     return turned, placed
 
 
-def _random_starts(robot: Model, count: int) -> Array:
+def random_starts(robot: Model, count: int) -> Array:
     """Return configurations (k, m, n): the middle of the limits, and random ones."""
     lower, upper = search_range(robot)
     random = np.random.default_rng(0).uniform(lower, upper, (_STARTS, robot.dof))
@@ -390,7 +423,8 @@ def _best(
         poses = [mounting.poses(*(each[some] for each in person)) for mounting in several]
         mapped, placed = map(np.stack, zip(*poses, strict=True))
         wanted = None if rotations is None else mapped
-        return nearest_of_each(robot, wanted, placed, starts, steps).within_reach.sum(axis=1)
+        found = nearest_of_each(robot, wanted, placed, starts, steps)
+        return np.asarray(found.within_reach.sum(axis=1))
 
     # Poses as far from reach as possible decide; the others are nearly always kept.
     order = np.argsort(-(found.distances + found.angles), kind="stable")[:_MOST_POSES]
@@ -412,7 +446,7 @@ def _best(
             break
     assert best is not None
     every = np.arange(len(positions))
-    starts = _random_starts(robot, every.size)
+    starts = random_starts(robot, every.size)
     return best, int(within_reach([best], every, starts, _STEPS)[0])
 
 
