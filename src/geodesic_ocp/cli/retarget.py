@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from geodesic_ocp.cli.analyse import analyse_bundled, analyse_file, save_analysis
 from geodesic_ocp.cli.options import (
@@ -29,6 +29,7 @@ from geodesic_ocp.drawing.viewer import report as write_report
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignment
+from geodesic_ocp.retargeting.place_base import place_base
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -39,6 +40,8 @@ from geodesic_ocp.tables import text
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed
 _REPORT = "report.html"
+_ALIGNMENT = "alignment.json"
+Mount: TypeAlias = Literal["auto"]
 _Arm: TypeAlias = tuple[Model, Alignment]
 
 
@@ -51,6 +54,7 @@ def retarget(
     hand: list[str] | None = None,
     base: list[str] | None = None,
     alignment: list[Path] | None = None,
+    mount: Mount | None = None,
     payload: float | None = None,
     rate: float = 100.0,
     report: Flag = False,
@@ -71,6 +75,9 @@ def retarget(
         base: fixed frame of the robot that becomes its base; one for each --robot.
         alignment: file of the robot's alignment with the person, as written by geodesic-ocp align;
             one for each --robot.
+        mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
+            degrees about the vertical, to where most poses are within reach at least cost; with
+            --out, also writes alignment.json.
         payload: mass in the hand [kg], at the origin of its frame.
         rate: sampling rate of the trajectory [Hz]; 1000 for libfranka.
         report: write a page with animated models; default folder: geodesic_ocp_retarget.
@@ -89,7 +96,7 @@ def retarget(
         print()
     if out is None and report:
         out = Path("geodesic_ocp_retarget")
-    _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report)
+    _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report, mount)
 
 
 def demo(
@@ -156,14 +163,23 @@ def _transfer(
     rate: float,
     out: Path | None,
     with_report: bool,
+    mount: Mount | None = None,
 ) -> None:
     robots = [robot if payload is None else robot.with_payload(payload) for robot, _ in arms]
+    alignments, bounds = [aligned for _, aligned in arms], limits.of_robots(robots)
+    if mount:
+        if len(arms) > 1:
+            raise ValueError("--mount: for one arm; those of one robot cannot be moved apart")
+        given = robots[0], analyses
+        placed = place_base(*given, alignment=alignments[0], limits=bounds[0], settings=settings)
+        alignments = [placed.alignment]
+        print(f"{robots[0].name}: {placed}\n")
     with progress() as bar:
         result = retarget_arms(
             analyses,
             robots,
-            alignments=[aligned for _, aligned in arms],
-            limits=limits.of_robots(robots),
+            alignments=alignments,
+            limits=bounds,
             rate=rate,
             settings=settings,
             progress=bar,
@@ -172,6 +188,8 @@ def _transfer(
     if out is not None:
         print()
         print_written(result.save(out))
+        if mount:
+            print_written([alignments[0].save(out / _ALIGNMENT, (str(placed),))])
         if with_report:
             print_written([write_report(result, out / _REPORT)])
         else:

@@ -12,6 +12,7 @@ from scipy.stats import qmc
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.retargeting.arm_alignment import Alignment
@@ -99,6 +100,7 @@ def place_base(
     analyses: Analysis | Sequence[Analysis],
     *,
     alignment: Alignment | None = None,
+    limits: JointLimits | None = None,
     settings: RetargetingSettings = _DEFAULT,
     sideways: tuple[float, float] = _SHIFTS,
     distance: tuple[float, float] = _SHIFTS,
@@ -119,6 +121,7 @@ def place_base(
         robot: the arm.
         analyses: analysis of one motion, or of many that are to be taken over from one place.
         alignment: alignment of the robot at its default place; None: that of `align`.
+        limits: limits of the robot's joints; None: those of `joint_limits`.
         settings: settings of the retargeting.
         sideways, distance, height: least and largest shift of the base from the default place, to
             the person's right, forward and up [m].
@@ -143,8 +146,9 @@ def place_base(
         settings = replace(settings, scale=None)
     pairs: list[PairedArm] = []
     for each in given:
-        known = [pairs[0].limits] if pairs else None
-        pairs += paired_arms([each], [as_model(robot)], [alignment], None, known, None, settings)
+        limits = pairs[0].limits if pairs else limits
+        given_arm = [each], [as_model(robot)], [alignment], None, [limits], None, settings
+        pairs += paired_arms(*given_arm)
     if mirrored and (settings.mirror is not None or pairs[0].mapping.target.side is None):
         raise ValueError(
             "mirrored: the side of the alignment must be known, and settings.mirror be None"
