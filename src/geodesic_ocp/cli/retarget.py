@@ -89,6 +89,8 @@ def retarget(
     if report:
         require_pages()
     sides = each_side(side)
+    if mount and len(sides) > 1:
+        raise ValueError("--mount: for one arm; those of one robot cannot be moved apart")
     arms = _arms(robot, len(sides), hand or (), base or (), alignment or ())
     analyses = []
     for each in sides:
@@ -168,8 +170,6 @@ def _transfer(
     robots = [robot if payload is None else robot.with_payload(payload) for robot, _ in arms]
     alignments, bounds = [aligned for _, aligned in arms], limits.of_robots(robots)
     if mount:
-        if len(arms) > 1:
-            raise ValueError("--mount: for one arm; those of one robot cannot be moved apart")
         given = robots[0], analyses
         placed = place_base(*given, alignment=alignments[0], limits=bounds[0], settings=settings)
         alignments = [placed.alignment]
