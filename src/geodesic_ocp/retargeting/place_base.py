@@ -8,7 +8,6 @@ from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
-from scipy.stats import qmc
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
@@ -41,6 +40,7 @@ from geodesic_ocp.synergies.analyse import Analysis
 _DEFAULT = RetargetingSettings()
 _SHIFTS, _TURNS = (-0.3, 0.3), (-np.pi / 2.0, np.pi / 2.0)  # [m], [rad]
 _TRIED = 64  # mountings for which poses within reach are counted
+_RATIO = 1.1673039782614187  # x^5 = x + 1: its powers cover four dimensions evenly (Roberts)
 _STEPS = 20  # of inverse kinematics, from each of
 _STARTS = 6
 _MOST_POSES = 24  # that are counted
@@ -267,7 +267,9 @@ class _Search:
     def _most_within_reach(self) -> list[tuple[Array, bool]]:
         """Return the places with the most poses within reach, of many that cover the bounds."""
         width = self.upper - self.lower
-        places = _rounded(self.lower + width * qmc.Sobol(4, scramble=False).random(_TRIED))
+        steps = _RATIO ** -np.arange(1.0, 5.0)
+        points = np.mod(0.5 + np.arange(_TRIED)[:, None] * steps, 1.0)
+        places = np.clip(_rounded(self.lower + width * points), self.lower, self.upper)
         tried = [(each, side) for side in (False, True)[: 1 + self.mirrored] for each in places]
         free = self.pairs[0].settings.orientation_weight == 0.0
 
