@@ -115,7 +115,8 @@ def place_base(
     counted at places that cover the bounds evenly, configurations are chosen at the best of these,
     as `retarget` chooses those from which it starts, and a nonlinear program in place and
     configurations improves on the best two. Positions are scaled as for the default place; with
-    the scale "fit" that is done afterwards, by `retarget`.
+    the scale "fit" that is done afterwards, by `retarget`. Obstacles, which settings place in the
+    frame of the base, move with it.
 
     Args:
         robot: the arm.

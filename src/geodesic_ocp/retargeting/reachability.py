@@ -470,7 +470,10 @@ def _advice(
         said += f" ({too_far} farther from the shoulder than the arm is long)"
     if mounting is None:
         return (
-            f"{said}. No mounting that was tried helps; leave the orientation of the hand free, or "
-            "check the axes of the hand with `geodesic-ocp align`"
+            f"{said}. No mounting that was tried helps; leave the orientation of the hand free, "
+            "see go.retargeting.place_base, or check the axes of the hand with `geodesic-ocp align`"
         )
-    return f"{said}. {mounting.sentence(scale)}: then {helped} of {count} are within reach"
+    return (
+        f"{said}. {mounting.sentence(scale)}: then {helped} of {count} are within reach. "
+        "go.retargeting.place_base (--mount auto) seeks the best place"
+    )
