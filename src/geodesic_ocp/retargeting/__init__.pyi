@@ -5,7 +5,7 @@ from .arm_alignment import read_alignment as read_alignment
 from .arm_result import RetargetedArm as RetargetedArm
 from .merge_synergies import SynergyGroup as SynergyGroup
 from .merge_synergies import merge_synergies as merge_synergies
-from .place_base import Placement as Placement
+from .place_base import BasePlacement as BasePlacement
 from .place_base import place_base as place_base
 from .reachability import Reachability as Reachability
 from .reachability import reachability as reachability

@@ -51,7 +51,7 @@ _AT_REST = 1e-9  # action [J s]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Placement(ShortRepr):
+class BasePlacement(ShortRepr):
     """Where a robot's base stands, compared with its default alignment.
 
     Attributes:
@@ -107,11 +107,11 @@ def place_base(
     height: tuple[float, float] = _SHIFTS,
     yaw: tuple[float, float] = _TURNS,
     mirrored: bool = False,
-) -> Placement:
+) -> BasePlacement:
     """Find where a robot's base should stand to take over motions of a person.
 
     Of the places within the bounds, that with the most poses of the hand within reach, and among
-    these the one whose configurations cost least, see `Placement.cost`. Poses within reach are
+    these the one whose configurations cost least, see `BasePlacement.cost`. Poses within reach are
     counted at places that cover the bounds evenly, configurations are chosen at the best of these,
     as `retarget` chooses those from which it starts, and a nonlinear program in place and
     configurations improves on the best two. Positions are scaled as for the default place; with
@@ -194,7 +194,7 @@ class _Search:
     def robot(self) -> Model:
         return self.pairs[0].robot
 
-    def best(self) -> Placement:
+    def best(self) -> BasePlacement:
         """Return the best of those that are tried."""
         before = self.mounted(np.zeros(4), False)
         within = bool(np.all(self.lower <= 0.0) and np.all(self.upper >= 0.0))
@@ -203,7 +203,7 @@ class _Search:
         for each in sorted(tried, key=_rank)[:_POLISHED]:
             tried.append(self.mounted(self._polished(each), each.mirrored))
         found = min(tried, key=_rank)
-        return Placement(
+        return BasePlacement(
             self.alignment(found.place, found.mirrored),
             found.place[:3],
             float(found.place[3]),
