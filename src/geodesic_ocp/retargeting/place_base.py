@@ -269,7 +269,7 @@ class _Search:
         """Return the places with the most poses within reach, of many that cover the bounds."""
         width = self.upper - self.lower
         steps = _RATIO ** -np.arange(1.0, 5.0)
-        points = np.mod(0.5 + np.arange(_TRIED)[:, None] * steps, 1.0)
+        points = np.mod(0.5 + np.arange(1.0, _TRIED + 1.0)[:, None] * steps, 1.0)
         places = np.clip(_rounded(self.lower + width * points), self.lower, self.upper)
         tried = [(each, side) for side in (False, True)[: 1 + self.mirrored] for each in places]
         free = self.pairs[0].settings.orientation_weight == 0.0
