@@ -1,6 +1,6 @@
 """Recordings on robots: times, limits, energy against inverse kinematics, tracking in MuJoCo.
 
-Usage: python benchmarks/retargeting.py [FILE[:SIDE] ...] [--robots NAME ...] [--quick] [--check]
+Usage: python benchmarks/retargeting.py [FILE[:SIDE] ...] [--robots NAME ...] [--mount] [--quick]
 
 The bundled recording is added to the MMM motions; without a side, both arms are taken. Prints three
 tables in Markdown: one row for each recording and robot; medians and worst by robot; and measures
@@ -78,6 +78,7 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=ROBOTS)
     parser.add_argument("--tolerance", type=float, default=1e-6)
     parser.add_argument("--quick", action="store_true", help="without MuJoCo and comparison")
+    parser.add_argument("--mount", action="store_true", help="find where the base stands")
     parser.add_argument("--out", type=Path, help="file for the tables (Markdown)")
     parser.add_argument(
         "--check",
@@ -138,7 +139,10 @@ def _run(
 ) -> dict[str, Any]:
     """One row of the table; measures are added to `compared`."""
     begin = time.process_time()
-    found = go.retarget(analysis, model, tolerance=options.tolerance, throw=False)
+    aligned = go.retargeting.place_base(model, analysis).alignment if options.mount else None
+    found = go.retarget(
+        analysis, model, alignment=aligned, tolerance=options.tolerance, throw=False
+    )
     row: dict[str, Any] = {"seconds": time.process_time() - begin}
     (arm,), planned = found.arms, found.planned
     robot, limits, gravity = arm.robot, arm.limits, arm.gravity

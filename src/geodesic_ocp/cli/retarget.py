@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from geodesic_ocp.drawing.viewer import report as write_report
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignment
+from geodesic_ocp.retargeting.place_base import place_base
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -46,6 +47,8 @@ from geodesic_ocp.tables import text
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed
 _REPORT = "report.html"
+_ALIGNMENT = "alignment.json"
+Mount: TypeAlias = Literal["auto"]
 _Arm: TypeAlias = tuple[Model, Alignment]
 
 
@@ -58,6 +61,7 @@ def retarget(
     hand: list[str] | None = None,
     base: list[str] | None = None,
     alignment: list[Path] | None = None,
+    mount: Mount | None = None,
     payload: str | None = None,
     obstacle: list[str] | None = None,
     rate: float = 100.0,
@@ -83,6 +87,9 @@ def retarget(
         base: fixed frame of the robot that becomes its base; one for each --robot.
         alignment: file of the robot's alignment with the person, as written by geodesic-ocp align;
             one for each --robot.
+        mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
+            degrees about the vertical, to where most poses are within reach at least cost; with
+            --out, also writes alignment.json.
         payload: mass in the hand [kg], at the origin of its frame, or MASS,x,y,z at another centre,
             or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
@@ -98,6 +105,8 @@ def retarget(
     if report:
         require_pages()
     sides = each_side(side)
+    if mount and len(sides) > 1:
+        raise ValueError("--mount: for one arm; those of one robot cannot be moved apart")
     arms = _arms(robot, len(sides), hand or (), base or (), alignment or ())
     bodies = tuple(map(as_obstacle, obstacle or ()))
     retargeting = replace(retargeting, obstacles=bodies)
@@ -107,7 +116,7 @@ def retarget(
         print()
     if out is None and report:
         out = Path("geodesic_ocp_retarget")
-    return _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report)
+    return _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report, mount)
 
 
 def demo(
@@ -176,14 +185,21 @@ def _transfer(
     rate: float,
     out: Path | None,
     with_report: bool,
+    mount: Mount | None = None,
 ) -> int:
     loaded = [with_load(robot, payload) for robot, _ in arms]
     robots, joints = limits.of_robots(loaded)
+    alignments = [aligned for _, aligned in arms]
+    if mount:
+        given = robots[0], analyses
+        placed = place_base(*given, alignment=alignments[0], limits=joints[0], settings=settings)
+        alignments = [placed.alignment]
+        print(f"{robots[0].name}: {placed}\n")
     with progress() as bar:
         result = retarget_arms(
             analyses,
             robots,
-            alignments=[aligned for _, aligned in arms],
+            alignments=alignments,
             limits=joints,
             rate=rate,
             settings=settings,
@@ -193,6 +209,8 @@ def _transfer(
     if out is not None:
         print()
         print_written(result.save(out))
+        if mount:
+            print_written([alignments[0].save(out / _ALIGNMENT, (str(placed),))])
         if with_report:
             print_written([write_report(result, out / _REPORT)])
         else:

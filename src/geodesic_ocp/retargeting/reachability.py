@@ -17,11 +17,13 @@ from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import errors_and_twists, pose_steps, search_bounds
 from geodesic_ocp.retargeting.arm_alignment import Alignment
+from geodesic_ocp.retargeting.waypoints import PairedArm
 from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+_FITTING = tuple(np.arange(40, 19, -1) / 40.0)
 _SCALES = (0.95, 0.9, 0.85, 0.8, 0.7, 0.6)
 _SHIFTS = (0.1, 0.2, 0.3)  # of the arm's length
 _ANGLES = (30, -30, 60, -60, 90, -90)  # [degrees]
@@ -141,6 +143,11 @@ class NearestPoses(NamedTuple):
     distances: Array
     angles: Array
 
+    @property
+    def within_reach(self) -> NDArray[np.bool_]:
+        """Which targets are attained (k,)."""
+        return np.asarray(np.maximum(self.distances, self.angles) <= _WITHIN)
+
 
 def nearest_poses(
     robot: Model, rotations: Array | None, positions: Array, starts: Array, steps: int
@@ -189,6 +196,24 @@ def nearest_poses(
     errors, _ = _errors(robot, rows, chosen, poses)
     distances = np.linalg.norm(errors[:, :3], axis=1)
     return NearestPoses(chosen, distances, np.linalg.norm(errors[:, 3:], axis=1))
+
+
+def nearest_of_each(
+    robot: Model, rotations: Array | None, positions: Array, starts: Array, steps: int
+) -> NearestPoses:
+    """Return `nearest_poses` for c sets of k targets at once, with leading axes (c, k).
+
+    Args:
+        robot, steps: see there.
+        rotations: (c, k, 3, 3) in its base frame; None leaves them free.
+        positions: (c, k, 3) [m].
+        starts: configurations (k, m, n), of every set.
+    """
+    sets, count, _ = positions.shape
+    turned = None if rotations is None else rotations.reshape(-1, 3, 3)
+    every = np.tile(starts, (sets, 1, 1))
+    found = nearest_poses(robot, turned, positions.reshape(-1, 3), every, steps)
+    return NearestPoses(*(each.reshape(sets, count, *each.shape[1:]) for each in found))
 
 
 def search_range(robot: Model) -> tuple[Array, Array]:
@@ -304,10 +329,10 @@ def reachability(
     turned, placed = _as_poses(rotations, positions)
     if scale is not None:
         scale = as_positive("scale", scale)
-    starts = _random_starts(robot, len(placed))
+    starts = random_starts(robot, len(placed))
     found = nearest_poses(robot, turned, placed, starts, _STEPS)
     beyond = distances_beyond(alignment, placed)
-    attained = _attained(found)
+    attained = found.within_reach
     unreachable = tuple(
         Unreachable(int(k), float(found.distances[k]), float(found.angles[k]), float(beyond[k]))
         for k in np.flatnonzero(np.logical_not(attained))
@@ -320,6 +345,37 @@ def reachability(
         mounting, helped = None, int(attained.sum())
     advice = _advice(robot, unreachable, len(placed), mounting, helped, scale, turned is not None)
     return Reachability(len(placed), unreachable, mounting, helped, advice)
+
+
+def scaled_to_fit(pairs: Sequence[PairedArm]) -> list[PairedArm]:
+    """Return arms with positions scaled down until the most poses are within reach.
+
+    The largest such factor, to 0.025, from 1 down to 0.5; one for all arms, as they move together.
+    """
+    best = 1.0
+    for pair in pairs:
+        robot, samples = pair.robot, pair.key_samples
+        turned, placed = (each[samples] for each in pair.target_poses)
+        rotations = turned[None] if pair.settings.orientation_weight > 0.0 else None
+        shoulder, starts = (
+            np.asarray(pair.mapping.target.shoulder),
+            random_starts(robot, len(turned)),
+        )
+        factor, most = 1.0, -1
+        for tried in _FITTING:
+            scaled = (shoulder + tried * (placed - shoulder))[None]
+            found = nearest_of_each(robot, rotations, scaled, starts, _STEPS)
+            if (within := int(found.within_reach.sum())) > most:
+                factor, most = tried, within
+            if most == len(samples):
+                break
+        best = min(best, factor)
+    fitted = []
+    for pair in pairs:
+        mapping = replace(pair.mapping, scale=best * pair.mapping.scale)
+        poses = mapping(pair.analysis.motion.q)
+        fitted.append(replace(pair, mapping=mapping, target_poses=poses))
+    return fitted
 
 
 def distances_beyond(alignment: Alignment, positions: ArrayLike) -> Array:
@@ -341,16 +397,12 @@ def _as_poses(rotations: ArrayLike | None, positions: ArrayLike) -> tuple[Array 
     return turned, placed
 
 
-def _random_starts(robot: Model, count: int) -> Array:
+def random_starts(robot: Model, count: int) -> Array:
     """Return configurations (k, m, n): the middle of the limits, and random ones."""
     lower, upper = search_range(robot)
     random = np.random.default_rng(0).uniform(lower, upper, (_STARTS, robot.dof))
     random[0] = (lower + upper) / 2.0
     return np.repeat(random[None], count, axis=0)
-
-
-def _attained(found: NearestPoses) -> Array:
-    return np.asarray(np.maximum(found.distances, found.angles) <= _WITHIN)
 
 
 def _best(
@@ -369,11 +421,10 @@ def _best(
     ) -> NDArray[np.int64]:
         """Return the numbers of poses within reach, found together for several mountings."""
         poses = [mounting.poses(*(each[some] for each in person)) for mounting in several]
-        mapped, placed = map(np.concatenate, zip(*poses, strict=True))
+        mapped, placed = map(np.stack, zip(*poses, strict=True))
         wanted = None if rotations is None else mapped
-        every = np.tile(starts, (len(several), 1, 1))
-        attained = _attained(nearest_poses(robot, wanted, placed, every, steps))
-        return np.asarray(attained.reshape(len(several), -1).sum(axis=1))
+        found = nearest_of_each(robot, wanted, placed, starts, steps)
+        return np.asarray(found.within_reach.sum(axis=1))
 
     # Poses as far from reach as possible decide; the others are nearly always kept.
     order = np.argsort(-(found.distances + found.angles), kind="stable")[:_MOST_POSES]
@@ -395,7 +446,7 @@ def _best(
             break
     assert best is not None
     every = np.arange(len(positions))
-    starts = _random_starts(robot, every.size)
+    starts = random_starts(robot, every.size)
     return best, int(within_reach([best], every, starts, _STEPS)[0])
 
 
@@ -419,7 +470,10 @@ def _advice(
         said += f" ({too_far} farther from the shoulder than the arm is long)"
     if mounting is None:
         return (
-            f"{said}. No mounting that was tried helps; leave the orientation of the hand free, or "
-            "check the axes of the hand with `geodesic-ocp align`"
+            f"{said}. No mounting that was tried helps; leave the orientation of the hand free, "
+            "see go.retargeting.place_base, or check the axes of the hand with `geodesic-ocp align`"
         )
-    return f"{said}. {mounting.sentence(scale)}: then {helped} of {count} are within reach"
+    return (
+        f"{said}. {mounting.sentence(scale)}: then {helped} of {count} are within reach. "
+        "go.retargeting.place_base (--mount auto) seeks the best place"
+    )

@@ -32,7 +32,7 @@ from geodesic_ocp.retargeting.arm_result import (
 from geodesic_ocp.retargeting.candidates import first_candidates
 from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
 from geodesic_ocp.retargeting.merge_synergies import merge_synergies
-from geodesic_ocp.retargeting.reachability import reachability
+from geodesic_ocp.retargeting.reachability import reachability, scaled_to_fit
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
     BEYOND,
@@ -163,7 +163,7 @@ def retarget_arms(
     tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
     if not (isinstance(problem, type) and issubclass(problem, SynergyPaths)):
         raise ValueError(f"problem must be SynergyPaths or a subclass of it, got {problem!r}")
-    pairs = _paired(analyses, robots, alignments, person_alignments, limits, starts, settings)
+    pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
     if settings.constrained:
@@ -200,7 +200,7 @@ def retarget_arms(
     return result
 
 
-def _paired(
+def paired_arms(
     analyses: Any,
     robots: Any,
     alignments: Any,
@@ -230,9 +230,9 @@ def _paired(
         bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)
-        pair = PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses)
-        pairs.append(pair.without_drifts())
-    return pairs
+        pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
+    pairs = scaled_to_fit(pairs) if settings.scale == "fit" else pairs
+    return [pair.without_drifts() for pair in pairs]
 
 
 @lru_cache(maxsize=16)
@@ -358,8 +358,7 @@ def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) ->
 
 def _mounting_advice(pair: PairedArm) -> str:
     """Return the mounting that would bring more poses within reach; empty if none would."""
-    samples = [group.stop for group in pair.groups if group.kind != "rest"]
-    poses = [pair.target(sample) for sample in (pair.groups[0].start, *samples)]
+    poses = [pair.target(sample) for sample in pair.key_samples]
     if not pair.settings.constrained or poses[0].position is None:
         return ""
     positions = np.array([pose.position for pose in poses])

@@ -64,7 +64,8 @@ class RetargetingSettings(ShortRepr):
             the hand's position free.
         orientation_weight: weight of the orientation error of poses that are not reached [1/rad]; 0
             leaves the hand's orientation free.
-        scale: factor of positions; default: the ratio of the arms' lengths.
+        scale: factor of positions, such as 1 to leave them as they are; default: the ratio of the
+            arms' lengths; fit: the largest up to that for which most poses are within reach.
         mirror: exchange left and right; default: if the arms' sides differ.
         drop: length below which a synergy is dropped, in the person's metric; default:
             a fraction of the longest synergy.
@@ -103,7 +104,7 @@ class RetargetingSettings(ShortRepr):
     likeness_weight: float = 30.0
     position_weight: float = 1.0
     orientation_weight: float = 1.0
-    scale: float | None = None
+    scale: float | Literal["fit"] | None = None
     mirror: bool | None = None
     drop: float | None = None
     merge: float | None = None
@@ -145,7 +146,9 @@ class RetargetingSettings(ShortRepr):
             as_positive(name, getattr(self, name))
         if not 0.0 < as_number("torque_share", self.torque_share) <= 1.0:
             raise ValueError(f"torque_share must be above 0 and at most 1, got {self.torque_share}")
-        if self.scale is not None:
+        if isinstance(self.scale, str) and self.scale != "fit":
+            raise ValueError(f"scale must be a number, 'fit' or None, got {self.scale!r}")
+        if self.scale is not None and self.scale != "fit":
             as_positive("scale", self.scale)
         collisions = self.collisions
         if not self.constrained and not collisions.is_empty:

@@ -36,7 +36,7 @@ from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 from geodesic_ocp.trajectory.path import Path
 
 _SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
-_DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
+DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
 _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
 _AT_REST = 1e-9  # action [J s]
@@ -185,7 +185,7 @@ class SynergyPaths(ShortRepr, Problem):
         action = sum(least_action(arm, each) for arm, each in zip(self.arms, layers, strict=True))
         unit = action if action > _AT_REST else 1.0
         weights = ObjectiveWeights(
-            unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, _DETOUR
+            unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, DETOUR
         )
         dof = sum(arm.arm.dof for arm in self.arms)
         clearance = self.clearance or joined_clearance([], dof)

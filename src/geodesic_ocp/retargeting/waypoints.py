@@ -139,9 +139,12 @@ def has_elbow(model: Model, alignment: Alignment) -> bool:
     return all(name is not None and model.pin.existFrame(name) for name in names)
 
 
-def elbow_offset(model: Model, alignment: Alignment, q: Any) -> ca.SX:
-    """Return offset (3, 1) of the elbow in the axes of the base, in lengths of the arm."""
-    shoulder = ca.DM(np.asarray(alignment.shoulder))
+def elbow_offset(model: Model, alignment: Alignment, q: Any, shoulder: Any = None) -> ca.SX:
+    """Return offset (3, 1) of the elbow in the axes of the base, in lengths of the arm.
+
+    The shoulder is that of the alignment, unless its position (3,) is given.
+    """
+    shoulder = ca.DM(np.asarray(alignment.shoulder)) if shoulder is None else shoulder
     _, elbow = model.frame_pose(str(alignment.elbow), q)
     _, wrist = model.frame_pose(str(alignment.wrist), q)
     upper, whole = elbow - shoulder, wrist - shoulder
@@ -187,7 +190,7 @@ class PoseMapping(ShortRepr):
         mirror, scale = settings.mirror, settings.scale
         if mirror is None:
             mirror = None not in (source.side, target.side) and source.side != target.side
-        if scale is None:
+        if scale is None or scale == "fit":
             scale = target.length / source.length
         return cls(model, source, target, float(scale), bool(mirror))
 
@@ -249,6 +252,12 @@ class PairedArm(ShortRepr):
             return self.robot
         infinite = np.full(self.robot.dof, np.inf)
         return self.robot.with_limits(-infinite, infinite)
+
+    @property
+    def key_samples(self) -> list[int]:
+        """Samples of the recording whose hand poses are attained: the first, and ends of groups."""
+        moving = (group.stop for group in self.groups if group.kind != "rest")
+        return [self.groups[0].start, *moving]
 
     def target(self, sample: int) -> Pose:
         """Return the pose of the hand at a sample of the recording."""
@@ -469,7 +478,7 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
     """
     settings, mapping, motion = pair.settings, pair.mapping, pair.analysis.motion
     moving = [group for group in pair.groups if group.kind != "rest"]
-    samples = [pair.groups[0].start, *(group.stop for group in moving)]
+    samples = pair.key_samples
     begins = motion.time[[group.start for group in moving]]
     ends = motion.time[samples[1:]]
     if not moving:  # it stays at the first pose, planned as a path without length

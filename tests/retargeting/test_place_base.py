@@ -1,0 +1,119 @@
+"""Where a robot's base stands to take over a motion, and scales at which its poses are reached."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+from small_retargeting import small_analysis
+
+import geodesic_ocp as go
+from geodesic_ocp.retargeting.reachability import nearest_poses, random_starts
+from geodesic_ocp.retargeting.retarget import paired_arms
+from geodesic_ocp.retargeting.waypoints import PairedArm
+
+LENIENT = go.RetargetingSettings(merge=0.4, self_collision=False)
+
+
+@pytest.fixture(scope="module")
+def robot() -> go.Model:
+    """The arm of the person of the recording."""
+    return small_analysis().model
+
+
+def displaced(robot: go.Model, shift: Any, yaw: float) -> go.retargeting.Alignment:
+    """Return the alignment of an arm that stands beside the person's, by shift [m] and yaw."""
+    aligned = go.retargeting.align(robot)
+    turn = Rotation.from_euler("z", -yaw).as_matrix()
+    return replace(aligned, base=turn, shoulder=-turn @ np.asarray(shift))
+
+
+def reached(pair: PairedArm) -> int:
+    """Return how many poses at the ends of the synergies a robot reaches."""
+    rotations, positions = (each[pair.key_samples] for each in pair.target_poses)
+    starts = random_starts(pair.robot, len(positions))
+    return int(nearest_poses(pair.robot, rotations, positions, starts, 40).within_reach.sum())
+
+
+def paired(robot: go.Model, alignment: go.retargeting.Alignment, **changes: Any) -> PairedArm:
+    chosen = replace(LENIENT, **changes)
+    return paired_arms([small_analysis()], [robot], [alignment], None, None, None, chosen)[0]
+
+
+def test_a_displaced_base_is_found_again(robot: go.Model) -> None:
+    """The person's own arm reaches all poses where it was, and hardly any from somewhere else."""
+    planted = displaced(robot, (-0.1, 0.2, 0.15), -0.5)
+    before = reached(paired(robot, planted))
+    count = reached(paired(robot, go.retargeting.align(robot)))
+    assert before < count
+    found = go.retargeting.place_base(robot, small_analysis(), alignment=planted, settings=LENIENT)
+    assert (found.reached_before, found.reached, found.count) == (before, count, count)
+    assert reached(paired(robot, found.alignment)) == count
+    assert f"{count} of {count} poses within reach, {before} at the default place" in str(found)
+    # The motion is the same in the room: what the base moves by, the targets move back by.
+    turn = Rotation.from_euler("z", found.yaw).as_matrix()
+    points = np.random.default_rng(0).standard_normal((5, 3))
+    rotations = Rotation.random(5, random_state=0).as_matrix()
+    before_move = planted.to_robot(rotations, points, scale=1.0)
+    moved = turn @ rotations, points @ turn.T + found.shift
+    for one, other in zip(found.alignment.to_robot(*moved, scale=1.0), before_move, strict=True):
+        assert_allclose(one, other, atol=1e-12)
+
+
+@pytest.mark.slow
+@settings(max_examples=3)
+@given(shift=st.tuples(*(st.floats(-0.3, 0.3),) * 3), yaw=st.floats(-1.0, 1.0), wide=st.booleans())
+def test_the_place_found_is_no_worse_than_the_default(
+    shift: tuple[float, float, float], yaw: float, wide: bool, robot: go.Model
+) -> None:
+    bounds = {} if wide else {"yaw": (0.0, 0.0), "distance": (-0.05, 0.05)}
+    aligned = displaced(robot, shift, yaw)
+    found = go.retargeting.place_base(
+        robot, [small_analysis()] * 2, alignment=aligned, settings=LENIENT, **bounds
+    )
+    assert found.reached >= found.reached_before
+    assert found.reached > found.reached_before or found.cost <= found.cost_before
+    if not wide:
+        assert found.yaw == 0.0
+        assert abs(found.shift[1]) <= 0.05
+
+
+def test_a_scale_to_fit_is_the_largest_that_does(robot: go.Model) -> None:
+    aligned = go.retargeting.align(robot)
+    long = replace(aligned, length=1.3 * aligned.length)  # poses are farther than the arm is long
+
+    default, fitted = paired(robot, long), paired(robot, long, scale="fit")
+    assert default.mapping.scale == pytest.approx(1.3)
+    larger = paired(robot, long, scale=fitted.mapping.scale + 0.05)
+    assert reached(fitted) > reached(larger) >= reached(default)
+    assert 1.0 <= fitted.mapping.scale < 1.3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"analyses": []}, "analyses: there must be at least one"),
+        ({"height": (0.2, 0.1)}, r"height: the least must not be above the largest, got \(0.2"),
+        ({"yaw": 0.5}, r"yaw must have shape \(2,\)"),
+        ({"settings": go.RetargetingSettings(position_weight=0.0)}, "position_weight must be"),
+        (
+            {"mirrored": True, "settings": go.RetargetingSettings(mirror=False)},
+            "mirrored: the side of the alignment must be known",
+        ),
+    ],
+)
+def test_wrong_arguments_are_named(robot: go.Model, change: dict[str, Any], message: str) -> None:
+    given = {"analyses": small_analysis(), **change}
+    with pytest.raises(ValueError, match=message):
+        go.retargeting.place_base(robot, **given)
+
+
+def test_an_unknown_scale_is_named() -> None:
+    with pytest.raises(ValueError, match="scale must be a number, 'fit' or None, got 'large'"):
+        go.RetargetingSettings(scale="large")  # type: ignore[arg-type]
