@@ -156,7 +156,7 @@ def place_base(
             "mirrored: the side of the alignment must be known, and settings.mirror be None"
         )
     lower, upper = np.transpose(bounds)
-    return _Search(tuple(pairs), lower, upper, mirrored).best()
+    return _BaseSearch(tuple(pairs), lower, upper, mirrored).best()
 
 
 def _as_bounds(name: str, given: tuple[float, float]) -> Array:
@@ -183,7 +183,7 @@ def _rank(mounted: _Mounted) -> tuple[int, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class _BaseSearch:
     """Search of mountings (4,), shift [m] and yaw [rad], between bounds."""
 
     pairs: tuple[PairedArm, ...]
