@@ -7,6 +7,7 @@ below a table is in `attrs["note"]`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,5 +89,6 @@ def _tabulated(table: DataFrame, style: str) -> str:
     found = tabulate(
         rows, [*shown.columns], style, colalign=align if rows else None, disable_numparse=True
     )
-    note = table.attrs.get("note", "")
+    note = str(table.attrs.get("note", ""))
+    note = escape(note) if style == "html" else note
     return f"{found}\n\n{note}" if note else str(found)
