@@ -98,16 +98,16 @@ class Terms:
         return list(function.map(count).call(list(arguments)))
 
     def at(self, name: str, z: Array, p: Array) -> list[Array]:
-        """Return outputs (k, .) of `value` or `jacobian` at z (k, size) with the same p."""
+        """Return outputs (k, .) of `value` or `jacobian` at z (k, size) for p (k, .) or (.)."""
         function, library = getattr(self, name), self._compiled(name)
+        p = np.ascontiguousarray(p, dtype=float)
         if library is None or (handle := library.handle(True)) is None:
-            found = function.map(len(z)).call([ca.DM(z.T), ca.repmat(ca.DM(p), 1, len(z))])
+            every = np.broadcast_to(p, (len(z), self.size_p))
+            found = function.map(len(z)).call([ca.DM(z.T), ca.DM(every.T)])
             return [each.full().T for each in found]
-        z, p = np.asarray(z, dtype=float), np.ascontiguousarray(p, dtype=float)
-        if z.strides[1] != z.itemsize:
-            z = np.ascontiguousarray(z)
+        z = np.ascontiguousarray(z, dtype=float)
         outputs = [np.empty((len(z), function.numel_out(k))) for k in range(function.n_out())]
-        steps = [z.strides[0] // z.itemsize, 0], [each.shape[1] for each in outputs]
+        steps = [self.size, self.size_p * (p.ndim - 1)], [each.shape[1] for each in outputs]
         pointers = (_pointers([z, p], function.sz_arg()), _pointers(outputs, function.sz_res()))
         work, begin = np.empty(function.sz_w() + 1), time.perf_counter()
         handle.many(
@@ -119,7 +119,7 @@ class Terms:
         return outputs
 
     def jacobians(self, z: Array, p: Array) -> tuple[Array, Array]:
-        """Return g (k, m) and its Jacobians (k, m, size) at z (k, size) with the same p."""
+        """Return g (k, m) and its Jacobians (k, m, size) at z (k, size), for p as in `at`."""
         g, entries = self.at("jacobian", z, p)
         found = np.zeros((len(z), self.size_g, self.size))
         found[:, self.jacobian_entries[0], self.jacobian_entries[1]] = entries

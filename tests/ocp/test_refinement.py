@@ -15,7 +15,7 @@ from known_problems import PlaneAroundDisc
 import geodesic_ocp as go
 from geodesic_ocp.ocp.problem import parse_conditions
 from geodesic_ocp.ocp.refinement import refine
-from geodesic_ocp.ocp.violations import violation_profile
+from geodesic_ocp.ocp.violations import PathSamples
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow), 1e-7])
@@ -120,8 +120,8 @@ def test_low_degree_gives_the_guess_where_high_degrees_fail() -> None:
         failed = near and all(degree > 2 for degree, _, _ in seen)
         return replace(solution, stats=replace(solution.stats, success=not failed))
 
-    profile = violation_profile(parse_conditions(problem))
-    found = refine(solve_on, profile, solve_on(go.Grid(8, 4), None), 1e-5, None)
+    samples = PathSamples(parse_conditions(problem))
+    found = refine(solve_on, samples, solve_on(go.Grid(8, 4), None), 1e-5, None)
     assert found.stats.success
     assert found.stats.max_path_violation <= 1e-5
     assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]

@@ -162,12 +162,12 @@ class Group(ShortRepr):
         nodes, own = np.nonzero(kept[cells_at(s)])
         return nodes, own
 
-    @property
+    @cached_property
     def numbers(self) -> Array:
         """Numbers of each condition (m, k)."""
         return np.stack([each.numbers for each in self._instances])
 
-    @property
+    @cached_property
     def indices(self) -> Indices:
         """Indices of the variables of each condition in those of the inner terms, (m, size)."""
         return np.stack([each.indices for each in self._instances])
@@ -180,22 +180,17 @@ class Group(ShortRepr):
         """Return the conditions' expressions (k, rows) at q (k, n), for parameters p."""
         if self.inner is None:
             return self.terms.at("value", q, p)[1]
-        (_, points), found = self.inner.at("value", q, np.zeros(0)), np.empty((len(q), 0))
-        every = [
-            self.terms.at("value", points[:, own.indices], own.numbers)[1]
-            for own in self._instances
-        ]
-        return np.hstack([found, *every])
+        points = self.inner.at("value", q, np.zeros(0))[1]
+        z = points[:, self.indices].reshape(-1, self.terms.size)
+        return self.terms.at("value", z, np.tile(self.numbers, (len(q), 1)))[1].reshape(len(q), -1)
 
     def slopes(self, q: Array, p: Array, rows: Indices) -> Array:
         """Return the gradient (k, n) of one of the rows, (k,), at each q."""
         if self.inner is None:
             return self.terms.jacobians(q, p)[1][np.arange(len(q)), rows]
-        points, found = self.inner.jacobians(q, np.zeros(0)), np.empty(q.shape)
-        for row in np.unique(rows):
-            here, own = rows == row, self._instances[row]
-            z, by_q = (each[np.ix_(here, own.indices)] for each in points)
-            found[here] = (self.terms.jacobians(z, own.numbers)[1] @ by_q)[:, 0]
+        at, own = np.arange(len(q))[:, None], self.indices[rows]
+        z, by_q = (each[at, own] for each in self.inner.jacobians(q, np.zeros(0)))
+        found: Array = (self.terms.jacobians(z, self.numbers[rows])[1] @ by_q)[:, 0]
         return found
 
 
@@ -239,6 +234,7 @@ class NodeBounds(ShortRepr):
         ends: values to which the first and the last node are fixed, (2, n), NaN if free.
         lower_g, upper_g: lower and upper g of the constraint functions, in the order of the
             transcription.
+        grid: the grid.
     """
 
     lower: Array
@@ -246,7 +242,7 @@ class NodeBounds(ShortRepr):
     ends: Array
     lower_g: Array
     upper_g: Array
-    _grid: Grid
+    grid: Grid
     _in_x: tuple[_Rows, ...]
     _in_g: tuple[_Rows, ...]
     _shown = ("ends",)
@@ -326,7 +322,7 @@ class NodeBounds(ShortRepr):
         """
         result = {}
         for rows, source in self._all_rows(lam_x, lam_g):
-            found = rows.at_nodes(source, self._grid)
+            found = rows.at_nodes(source, self.grid)
             result[rows.condition.name] = found[0] if len(found) == 1 else found
         return result
 
@@ -343,14 +339,14 @@ class NodeBounds(ShortRepr):
         here = {rows.kind: rows for rows, _ in every} | {k: r for k, (r, _) in known.items()}
         if any(here[kind].nodes is None for kind in left_out):
             return None
-        of_old, of_new = _nodes(before._grid), _nodes(self._grid)
+        of_old, of_new = _nodes(before.grid), _nodes(self.grid)
         for rows, target in every:
             if rows.kind not in known:
                 continue
             old_rows, source = known[rows.kind]
-            values = old_rows.at_nodes(source, before._grid)
+            values = old_rows.at_nodes(source, before.grid)
             if (s := of_old.get(len(values))) is not None:
-                fine = of_new[len(rows.index) if rows.nodes is None else self._grid.size]
+                fine = of_new[len(rows.index) if rows.nodes is None else self.grid.size]
                 density = values / _spacing(s)[:, None]
                 values = np.stack([np.interp(fine, s, each) for each in density.T], axis=1)
                 values *= _spacing(fine)[:, None]

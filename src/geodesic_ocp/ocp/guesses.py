@@ -204,7 +204,7 @@ class Guesses:
     @cached_property
     def _own(self) -> Array:
         """The problem's own guess, (25, n)."""
-        nodes = initial_nodes(self.definition, self.grid)
+        nodes = initial_nodes(self.definition, self.definition.bounds(self.grid))
         return Path(self.definition.metric, self.grid, nodes)(_S)
 
     @cached_property

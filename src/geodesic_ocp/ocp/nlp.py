@@ -59,7 +59,11 @@ class ProblemDefinition(ShortRepr):
 
     def initial_path(self, grid: Grid, guess: Path | None) -> Path:
         """Return the initial guess on a grid: the given one, the problem's or a straight line."""
-        return Path(self.metric, grid, initial_nodes(self, grid, guess))
+        return Path(self.metric, grid, initial_nodes(self, self.bounds(grid), guess))
+
+    def bounds(self, grid: Grid) -> NodeBounds:
+        """Return the bounds on a grid; ValueError if a fixed end lies outside."""
+        return NodeBounds.on_grid(self.conditions, grid, self.metric.joint_names)
 
     def transcription(self, grid: Grid) -> Transcription:
         """Return the NLP on all grids of this shape, built once for all problems with this key."""
@@ -190,10 +194,10 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     """
     conditions, metric = definition.conditions, definition.metric
     grid = _with_via_points(definition, grid, guess)
-    bounds = NodeBounds.on_grid(conditions, grid, metric.joint_names)
+    bounds = definition.bounds(grid)
     transcription = definition.transcription(grid)
     _check_fixed_ends(conditions, metric, bounds)
-    nodes = initial_nodes(definition, grid, guess)
+    nodes = initial_nodes(definition, bounds, guess)
     units = _units(definition, transcription, grid, nodes)
     return NLP(definition, transcription, grid, bounds, units, nodes)
 
@@ -226,10 +230,11 @@ def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | No
     return grid.with_via_points([(number + 1) / (count + 1) for number in range(count)])
 
 
-def initial_nodes(definition: ProblemDefinition, grid: Grid, guess: Path | None = None) -> Array:
+def initial_nodes(
+    definition: ProblemDefinition, bounds: NodeBounds, guess: Path | None = None
+) -> Array:
     """Get positions (size, n) of the initial guess, with the fixed coordinates at their values."""
-    conditions, names = definition.conditions, definition.metric.joint_names
-    bounds = NodeBounds.on_grid(conditions, grid, names)
+    grid = bounds.grid
     given = guess(grid.nodes) if guess is not None else definition.guess(grid.nodes)
     if given is None:
         start, end = bounds.ends

@@ -24,7 +24,7 @@ from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.ocp.solution import MeshIteration, Solution, with_effort_of
-from geodesic_ocp.ocp.violations import BETWEEN_NODES, ViolationProfile
+from geodesic_ocp.ocp.violations import BETWEEN_NODES, PathSamples
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -49,7 +49,7 @@ class SolveOn(Protocol):
 
 def refine(
     solve_on: SolveOn,
-    profile: ViolationProfile,
+    samples: PathSamples,
     first: Solution,
     tolerance: float | None,
     guess: Path | Solution | None,
@@ -62,7 +62,7 @@ def refine(
 
     Args:
         solve_on: solves on a grid.
-        profile: violations of the path constraints along a path.
+        samples: of the path constraints along a path.
         first: solution on the first grid.
         tolerance: for violations between nodes, in the unit of the condition, and for the
             relative change of the objective from one grid to the next. None: the conditions hold
@@ -73,7 +73,7 @@ def refine(
     """
     if tolerance is None and not _violates(first):
         return first
-    solution = _halved_until_fine(solve_on, profile, _recorded(first), tolerance)
+    solution = _halved_until_fine(solve_on, samples, _recorded(first), tolerance)
     if solution.stats.success or solution.stats.status == STOPPED or not first.stats.success:
         return solution
     grid = first.path.grid
@@ -83,7 +83,7 @@ def refine(
         return solution
     finer = _regrid(rough.path.grid, 2 * grid.segments, grid.degree)
     again = _recorded(solve_on(finer, rough.path), rough)
-    again = _halved_until_fine(solve_on, profile, again, tolerance)
+    again = _halved_until_fine(solve_on, samples, again, tolerance)
     return again if again.stats.success else solution
 
 
@@ -121,7 +121,7 @@ def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
 
 
 def _halved_until_fine(
-    solve_on: SolveOn, profile: ViolationProfile, first: Solution, tolerance: float | None
+    solve_on: SolveOn, samples: PathSamples, first: Solution, tolerance: float | None
 ) -> Solution:
     """Return the last solution, on grids whose coarse segments are halved until there are none."""
 
@@ -148,7 +148,7 @@ def _halved_until_fine(
             diverged = stats.objective > _WORSE * first.stats.objective > 0.0
         if is_fine:
             return found, None
-        violations, unresolved = profile(path), unresolved_energy(path)
+        violations, unresolved = samples.excess(path), unresolved_energy(path)
         if tolerance is None:
             levels = (worst_by_segment(path, violations) > BETWEEN_NODES).astype(int)
         else:
@@ -239,15 +239,15 @@ def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
 _RESOLVED, _HALVINGS = 1e-2, 3
 
 
-def resolving(grid: Grid, guess: Path, profile: ViolationProfile) -> Grid:
+def resolving(grid: Grid, guess: Path, samples: PathSamples) -> Grid:
     """Return the grid with segments halved until a guess on it meets the path constraints roughly,
     where the guess itself does.
     """
-    if profile(guess)[1].max() > _RESOLVED:
+    if samples.excess(guess, roughly=True)[1].max() > _RESOLVED:
         return grid
     for _ in range(_HALVINGS):
         path = Path(guess.metric, grid, guess(grid.nodes))
-        coarse = worst_by_segment(path, profile(path)) > _RESOLVED
+        coarse = worst_by_segment(path, samples.excess(path, roughly=True)) > _RESOLVED
         if not np.any(coarse):
             break
         grid = halved(grid, coarse)

@@ -34,7 +34,7 @@ from geodesic_ocp.ocp.violations import (
     joined,
     left_out,
     may_become_active,
-    violation_profile,
+    path_samples,
 )
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -318,6 +318,9 @@ class _Search:
     grid: Grid | None
     tolerance: float | None
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_grids", lru_cache(_ATTEMPTS)(self._grids))
+
     def begin(self, guess: Path | Solution | None) -> Solution:
         """Return the solution on the first grid."""
         first, own = self._grids(guess)
@@ -333,9 +336,9 @@ class _Search:
         if own.segments >= _MANY and not own.ends and not isinstance(guess, Solution):
             half = Grid(own.segments // 2, own.degree)
         if isinstance(guess, Path) and not conditions.via:
-            profile = violation_profile(conditions)
-            finer = resolving(own, guess, profile)
-            half = half if half is not own and resolving(half, guess, profile) is half else finer
+            samples = path_samples(conditions)
+            finer = resolving(own, guess, samples)
+            half = half if half is not own and resolving(half, guess, samples) is half else finer
             own = finer
         return half, own
 
@@ -364,8 +367,8 @@ class _Search:
         return _same(first, others) or self._refined(first, guess)
 
     def _refined(self, first: Solution, guess: Path | Solution | None) -> Solution:
-        profile = violation_profile(self.solver.conditions)
-        return refine(self.solver, profile, first, self.tolerance, guess)
+        samples = path_samples(self.solver.conditions)
+        return refine(self.solver, samples, first, self.tolerance, guess)
 
 
 def _same(one: Solution, others: Sequence[Solution]) -> Solution | None:
@@ -549,7 +552,7 @@ def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outco
         seconds=outcome.seconds,
         variables=outcome.x.size,
         constraints=outcome.g.size,
-        objective=nlp.transcription.energy(path.grid, path.nodes, conditions.p_values),
+        objective=units.scale * outcome.objective,
         energy=path.discrete_energy,
         max_node_violation=violation,
         worst_constraint=worst,

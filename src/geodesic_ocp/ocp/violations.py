@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol, TypeAlias
@@ -62,9 +62,19 @@ class PathSamples:
 
     def __call__(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
         """Return parameters s (k,), and for each path constraint its values (m, k) there."""
-        return self._of_last(path)
+        s, values = self._of_last(path)
+        parts = np.split(values, self._ends)[: len(self._all)]
+        return s, list(zip(self._all, parts, strict=True))
 
-    def _sampled(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
+    def excess(self, path: Path, roughly: bool = False) -> tuple[Array, Array]:
+        """Return parameters s (k,), and the largest violation of any path constraint at each (k,);
+        roughly: without the maxima between the samples.
+        """
+        s = sample_parameters(path)
+        s, values = (s, self._values(path, s)) if roughly else self._of_last(path)
+        return s, excess_over_bounds(self, values).max(axis=0, initial=0.0)
+
+    def _sampled(self, path: Path) -> tuple[Array, Array]:
         s = sample_parameters(path)
         values = self._values(path, s)
         for _ in range(_REFINEMENTS):
@@ -74,8 +84,7 @@ class PathSamples:
             places = np.searchsorted(s, new)
             values = np.insert(values, places, self._values(path, new), axis=1)
             s = np.insert(s, places, new)
-        parts = np.split(values, self._ends)[: len(self._all)]
-        return s, list(zip(self._all, parts, strict=True))
+        return s, values
 
     def _values(self, path: Path, s: Array) -> Array:
         c, q = self._conditions, path(s)
@@ -122,9 +131,6 @@ def _peaks(s: Array, excess: Array) -> Array:
 # Without a tolerance, solutions violate no condition by more than this, in its unit.
 BETWEEN_NODES = 1e-4
 NEGLIGIBLE = 1e-6  # smaller violations are ignored before a solve, and in messages
-
-# path -> parameters s (k,), and the largest violation of any path constraint at each (k,)
-ViolationProfile: TypeAlias = Callable[[Path], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -177,20 +183,13 @@ def find_violations(conditions: Conditions, path: Path) -> tuple[Violation, ...]
 
 def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) -> list[Violation]:
     """Return violations of the path constraints in q, except bounds, at one configuration (n,)."""
-    found = [_worst(metric, *_at_point(conditions, each, q, s)) for each in conditions.along_q]
+    found = []
+    for group in conditions.groups:
+        ends = np.cumsum([each.size for each in group.conditions])[:-1]
+        values = np.split(group.values(q[None], conditions.p_values).T, ends)
+        for condition, of_one in zip(group.conditions, values, strict=True):
+            found.append(_worst(metric, condition, of_one, np.array([s])))
     return sorted(filter(None, found), key=lambda one: -one.amount)
-
-
-def violation_profile(conditions: Conditions) -> ViolationProfile:
-    """Return a function that gives the largest violation of the path constraints along a path."""
-    samples = path_samples(conditions)
-
-    def profile(path: Path) -> tuple[Array, Array]:
-        s, found = samples(path)
-        excess = [excess_over_bounds(c, values).max(axis=0, initial=0.0) for c, values in found]
-        return s, np.maximum.reduce([np.zeros(s.size), *excess])
-
-    return profile
 
 
 Kept: TypeAlias = Mapping[str, NDArray[np.bool_]]  # cells of s, by names of conditions

@@ -21,7 +21,7 @@ from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, key_of
 from geodesic_ocp.ocp.refinement import unresolved_energy, worst_by_segment
-from geodesic_ocp.ocp.violations import violation_profile
+from geodesic_ocp.ocp.violations import path_samples
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.candidates import (
     Candidates,
@@ -382,7 +382,7 @@ def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> N
     """Return which segments to halve, (segments,)."""
     path = part.path(nodes)
     unresolved = unresolved_energy(path) / max(path.energy, _TINY)
-    violated = worst_by_segment(path, violation_profile(part.definition.conditions)(path))
+    violated = worst_by_segment(path, path_samples(part.definition.conditions).excess(path))
     return np.asarray((unresolved > resolved / part.grid.segments) | (violated > tolerance))
 
 
