@@ -43,7 +43,7 @@ _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same so
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 150
 _REACH = 1.5  # [rad or m]: longest line towards a sample
 _NEARBY = 0.2  # of the range of a constraint's values: nearer ones count
-_SPACING, _AT_ONCE = 0.05, 32  # [rad or m] between checks along a line; checks in one call
+_SPACING = 0.05  # [rad or m] between checks along a line
 _EACH = 8  # every so many of them become nodes of a tree
 
 
@@ -129,11 +129,12 @@ class FreeSpace:
         """
         count = _num_steps(start, end)
         every = start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start)
-        for first in range(0, count, _AT_ONCE):
-            blocked = self.excess(every[first : first + _AT_ONCE]) > _CLEAR
+        first, at_once = 0, 4  # most lines are blocked soon
+        while first < len(every):
+            blocked = self.excess(every[first : first + at_once]) > _CLEAR
             if np.any(blocked):
                 every = every[: first + int(np.argmax(blocked))]
-                break
+            first, at_once = first + at_once, 2 * at_once
         return np.asarray(every)
 
     def ends(self, at_end: bool, rng: np.random.Generator, box: tuple[Array, Array]) -> Array:
