@@ -1,4 +1,4 @@
-"""geodesic-ocp align, and retarget with a file that it wrote."""
+"""geodesic-ocp align, and retarget on a robot that no package knows."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 from six_joints import six_joints
+from small_retargeting import small_analysis
 
 from geodesic_ocp.cli import main as cli
+from geodesic_ocp.cli import retarget as retarget_command
 
 
 @pytest.fixture
@@ -79,3 +81,24 @@ def test_retarget_names_options_that_do_not_fit(
     missing = tmp_path / "none.json"
     assert cli.main([*command, "--hand", "flange", "--alignment", str(missing)]) == 2
     assert "none.json: there is no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "reasons"),
+    [
+        (["--payload", "15"], ["not for a robot", "is too weak to hold its arm", "its limit 80"]),
+        (["--scale", "2.5"], ["poses missed by more", "its pose, which is out of reach"]),
+    ],
+)
+def test_the_exit_code_is_1_without_success(
+    options: list[str],
+    reasons: list[str],
+    robot: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(retarget_command, "analyse_file", lambda *_: small_analysis())
+    command = ["retarget", "reach.csv", "--robot", str(robot), "--hand", "flange"]
+    assert cli.main([*command, "--orientation-weight", "0", *options]) == 1
+    printed = capsys.readouterr().err
+    assert all(reason in printed for reason in reasons)

@@ -72,11 +72,11 @@ def retarget(
     joint_limits: LimitOptions = GivenLimits(),  # noqa: B008
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
 ) -> int:
-    """Transfer the synergies of a recording to a robot; the exit code is 1 if the result should not
-    run on it.
+    """Transfer the synergies of a recording to a robot; the exit code is 1 if that is no success.
 
-    That is so if paths or trajectory are not found, or the trajectory fails its check. The files
-    are written all the same. Poses missed by more than the tolerance are named.
+    That is so if paths or trajectory are not found, if the trajectory fails its check, or if a pose
+    is missed by more than the tolerance. The reasons are printed, and the files written all the
+    same.
 
     Args:
         file: recording, as for geodesic-ocp analyse.
@@ -218,7 +218,7 @@ def _transfer(
     if result.faults:
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"
         print(f"\n{title}:", *result.faults, sep="\n  ", file=sys.stderr)
-    return 1 if result.unfit else 0
+    return 0 if result.success else 1
 
 
 def _summarize(result: Retargeting) -> None:
