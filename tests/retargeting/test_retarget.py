@@ -278,7 +278,8 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
     ]
     assert min(before) < 0.0
     assert min(before[0], before[-1]) > 0.02
-    settings = replace(SETTINGS, obstacles=[ball], links=links, margin=0.01)
+    apart: dict[str, Any] = {"links": links, "margin": 0.0, "obstacle_margin": 0.01}
+    settings = replace(SETTINGS, obstacles=[ball], **apart)
     avoiding = go.retarget(analysis, robot, settings=settings)
     after = [
         min(go.distances.signed_distances(robot, q, [ball], links=links).values())
@@ -317,12 +318,13 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
     start = np.array([0.2, 0.0, -0.3, 1.0, 0.0, 0.0, 0.0])
     centre = robot.hand_pose(start)[1]
     called: list[str] = []
-    with pytest.raises(ValueError, match=r"start: right forearm to lamp is -0\.\d+ m, and must"):
+    ball = go.Ball(tuple(centre), 0.1, name="lamp")
+    with pytest.raises(ValueError, match=r"right forearm to lamp is -0\.\d+ m, and .* 0.03 m"):
         go.retarget(
             analysis,
             robot,
             start=start,
-            settings=go.RetargetingSettings(obstacles=[go.Ball(tuple(centre), 0.1, name="lamp")]),
+            settings=go.RetargetingSettings(obstacles=[ball], obstacle_margin=0.03),
             progress=lambda label, done, total: called.append(label),
         )
     assert not called
@@ -335,7 +337,8 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
         ({"scale": -1.0}, "scale must be positive"),
         ({"position_weight": 0.0, "orientation_weight": 0.0}, "not both zero"),
         ({"orientation_weight": -1.0}, "zero or above"),
-        ({"margin": -1.0}, "margin must be zero or above"),
+        ({"margin": -1.0}, "^margin must be zero or above"),
+        ({"obstacle_margin": -1.0}, "obstacle_margin must be zero or above"),
         ({"pose_tolerance": 0.01}, "pose_tolerance must be a distance"),
         ({"pose_tolerance": (0.01, -1.0)}, "pose_tolerance must not be negative"),
         ({"pose_tolerance": (0.01, 5.0)}, "the angle is in rad"),

@@ -123,13 +123,13 @@ def start_of(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> A
     """
     within = settings.within_limits
     start = checked_start(robot, given) if within else as_vector("start", given, robot.dof)
-    obstacles, links, pairs, margin = settings.collisions
-    distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
-    for name, distance in distances.items():
-        if distance < margin:
-            raise ValueError(
-                f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
-            )
+    for obstacles, links, pairs, margin in settings.each_apart:
+        distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
+        for name, distance in distances.items():
+            if distance < margin:
+                raise ValueError(
+                    f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
+                )
     return start
 
 
