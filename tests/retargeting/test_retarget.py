@@ -74,6 +74,19 @@ def test_hand_reaches_the_poses(found: go.retargeting.Retargeting, analysis: go.
         assert_allclose(one.path.nodes[-1], other.path.nodes[0], atol=1e-12)
 
 
+def test_a_parallel_gripper_takes_the_better_grasp(
+    found: go.retargeting.Retargeting, analysis: go.Analysis, robot: go.Model
+) -> None:
+    """Of a hand that is mounted the wrong way round, which two fingers do not mind."""
+    aligned = found.arms[0].mapping.target
+    hand = np.diag([-1.0, -1.0, 1.0]) @ aligned.hand
+    either = replace(aligned, hand=hand, parallel_gripper=True)
+    turned = go.retarget(analysis, robot, alignment=either, tolerance=LOOSE)
+    assert "gripper turned by 180 degrees" in turned.arms[0].title
+    assert "errors are from poses so turned" in turned.synergy_table().note
+    assert_allclose(turned.trajectory.positions, found.trajectory.positions, atol=1e-6)
+
+
 def test_limits_hold_everywhere(found: go.retargeting.Retargeting) -> None:
     (arm,) = found.arms
     assert found.success
