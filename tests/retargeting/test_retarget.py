@@ -83,7 +83,7 @@ def test_a_parallel_gripper_takes_the_better_grasp(
     either = replace(aligned, hand=hand, parallel_gripper=True)
     turned = go.retarget(analysis, robot, alignment=either, tolerance=LOOSE)
     assert "gripper turned by 180 degrees" in turned.arms[0].title
-    assert "errors are from poses so turned" in turned.synergy_table().note
+    assert "errors are from poses so turned" in turned.synergy_table().attrs["note"]
     assert_allclose(turned.trajectory.positions, found.trajectory.positions, atol=1e-6)
 
 

@@ -64,7 +64,7 @@ class Alignment(ShortRepr):
         elbow: name of the joint that bends the arm between upper arm and forearm; None: not known.
         wrist: name of the joint whose origin is the centre of the wrist; None: not known.
         parallel_gripper: whether the hand turned by 180 degrees about its fingers is the same
-            grasp. `retarget` then turns all poses so if that costs less, and says so.
+            grasp. `retarget` then turns it in all poses if that costs less, and says so.
 
     Raises:
         ValueError: wrong shapes or values; the message names the field.

@@ -61,6 +61,7 @@ _RATE = 100.0  # [Hz]
 # Where holding the arm takes much of a joint's torque, it gets this many times as much as that, up
 # to its limit.
 _MOVING = 1.5
+_WORTH = 0.95  # of the cost, for which a gripper is turned from how the person's hand is
 
 
 @shows_progress
@@ -256,7 +257,7 @@ def _better_grasp(
     pair: PairedArm, tolerance: float
 ) -> tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]:
     """Return the arm, its waypoints and candidates there; of a parallel gripper, turned by 180
-    degrees if the best configurations cost less.
+    degrees if the best configurations cost less by a twentieth.
 
     It is turned on the whole way, as what it holds turns with it.
     """
@@ -268,7 +269,8 @@ def _better_grasp(
     if not is_either:
         return found[0]
     weights = graph_weights(*found[0][1:], pair.settings)
-    return min(found, key=lambda each: find_start(each[1], weights, each[2]).cost)
+    costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
+    return found[costs[1] < _WORTH * costs[0]]
 
 
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
