@@ -139,7 +139,8 @@ def watched_at_first(program: TrajectoryProgram, states: KnotStates) -> Watched:
         slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
         least, sampled = _FAST * terms.arm.limits.hand_speed, {}
         if np.isfinite(least) and hand_speeds(terms.arm.robot, q, v).max() > least:
-            sampled["hand_speed"] = np.arange(len(q)), np.full((len(q), 1), 1.0 - INSIDE)
+            pieces = len(q) - 1
+            sampled["hand_speed"] = np.arange(pieces), np.full((pieces, 1), 1.0 - INSIDE)
         arms.append(WatchedArm({"jerk": slow} if slow.size else {}, sampled))
     lower = np.where(program.fixed_knots[:, None], -np.inf, program.clearance.lower)
     return Watched(tuple(arms), {}, lower)
@@ -167,8 +168,9 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
     for kind, shares in check.sampled.items():
         if shares.max() <= 1.0 + TOLERANCE:
             continue
-        if kind == "torque_rate":
-            rows, largest = shares.mean(axis=1) - 1.0, shares.max(axis=1) - 1.0
+        if kind != "torque":  # the program keeps a mean, or the speed at quarters of pieces
+            rows = shares.mean(axis=1) if kind == "torque_rate" else shares[:, 5::10].max(axis=1)
+            rows, largest = rows - 1.0, shares.max(axis=1) - 1.0
             close = np.maximum(rows - _NEAR_SAMPLED + 1.0, largest) > 0.0
             more = _beyond(largest, 0.0, np.maximum(rows, -INSIDE))
         else:
@@ -217,7 +219,7 @@ _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once dura
 _SETTLED = 0.005
 # From this round on, a trajectory that exceeds limits by no more than this is slowed down as a
 # whole: in all its rates it is then within them.
-_LATE, _SLIGHTLY = 5, 0.05
+_LATE, _SLIGHTLY = 3, 0.02
 # The first guess, and others if Ipopt fails from it: time stretched more, stops in corners, and the
 # most iterations. A round takes twenty as a rule: where it takes many, another start is quicker.
 _STARTS = ((1.3, False, 100), (2.0, False, 100), (1.3, True, 400), (3.0, True, 400))
