@@ -43,6 +43,8 @@ def test_command_keeps_all_limits_whatever_the_person_does() -> None:
     trajectory = as_trajectory(commands)
     checked = go.check_trajectory(trajectory, ROBOT, LIMITS)
     assert checked.passed, checked
+    weight = ROBOT.inverse_dynamics(live.command.position, np.zeros(7), np.zeros(7))
+    assert live.command.torque == pytest.approx(weight, abs=1e-9)  # it rests again
     # The claim is exact, and the limits are reached: it is tight for acceleration.
     assert np.all(trajectory.positions >= ROBOT.lower)
     assert np.all(trajectory.positions <= ROBOT.upper)
