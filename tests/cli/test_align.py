@@ -90,7 +90,10 @@ def test_retarget_names_options_that_do_not_fit(
     ("options", "reasons"),
     [
         (["--payload", "15"], ["not for a robot", "is too weak to hold its arm", "its limit 80"]),
-        (["--scale", "2.5"], ["poses missed by more", "its pose, which is out of reach"]),
+        pytest.param(
+            *(["--scale", "2.5"], ["poses missed by more", "its pose, which is out of reach"]),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_exit_code_is_1_without_success(

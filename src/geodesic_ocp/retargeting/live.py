@@ -18,7 +18,7 @@ The steps of one tick are all causal, and their delays are known:
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -68,8 +68,9 @@ class LiveRetargeting:
     The robot's hand follows that of the person. Commands have continuous accelerations and keep the
     limits of position, speed, acceleration and jerk, whatever the samples are. They lag behind by
     `delay`, and by more where the limits do not allow the person's speed. Torques are told
-    (`LiveCommand.torque`) and not limited; distances between links or to obstacles are not
-    considered. Synergies of the person are closed as soon as
+    (`LiveCommand.torque`) and not limited; the speed of the hand, and distances between links or to
+    obstacles, are not considered. A parallel gripper is turned as it begins, or after a gap, to the
+    nearer one of both grasps. Synergies of the person are closed as soon as
     the rule of `segment` is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
 
     >>> import numpy as np, geodesic_ocp as go
@@ -210,10 +211,18 @@ class LiveRetargeting:
         if self._samples and time - self._samples[-1][0] > _GAP * self._step:
             self._samples.clear()
             self._segmentation.restart()
+        if not self._samples and self.mapping.target.parallel_gripper:
+            self.mapping = self._nearer_grasp(q)
         self._samples.append((time, q))
         if len(self._samples) == _LONG:
             middle = self._samples[_LONG // 2][0]
             self._segmentation.add(middle, *self._parabola(_LONG, middle))
+
+    def _nearer_grasp(self, q: Array) -> PoseMapping:
+        """Return the mapping with the gripper turned to where the robot's is nearer to it."""
+        here, _ = self.robot.hand_pose(self._target)
+        both = (replace(self.mapping, turned=turned) for turned in (False, True))
+        return max(both, key=lambda each: float(np.sum(each(q)[0] * here)))
 
     def _parabola(self, count: int, time: float) -> tuple[Array, Array]:
         """Return position and velocity (n,) at a time of the parabola through the last samples."""
