@@ -1,4 +1,4 @@
-"""geodesic-ocp align, and retarget with a file that it wrote."""
+"""geodesic-ocp align, and retarget on a robot that no package knows."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 from six_joints import six_joints
+from small_retargeting import small_analysis
 
+import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
+from geodesic_ocp.cli import retarget as retarget_command
 
 
 @pytest.fixture
@@ -76,6 +79,35 @@ def test_retarget_names_options_that_do_not_fit(
     command = ["retarget", str(bundled_file), "--side", "left", "--robot", str(robot)]
     assert cli.main([*command, "--hand", "flange", "--hand", "flange"]) == 2
     assert "--hand: one for each --robot, got flange, flange" in capsys.readouterr().err
+    assert cli.main([*command, "--hand", "flange", "--export", "reach.txt"]) == 2
+    assert "file must end in .csv, .json, .npz, .parquet, .mcap, .rrd" in capsys.readouterr().err
     missing = tmp_path / "none.json"
     assert cli.main([*command, "--hand", "flange", "--alignment", str(missing)]) == 2
     assert "none.json: there is no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "reasons"),
+    [
+        (["--payload", "15"], ["not for a robot", "is too weak to hold its arm", "its limit 80"]),
+        pytest.param(
+            *(["--scale", "2.5"], ["poses missed by more", "its pose, which is out of reach"]),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_the_exit_code_is_1_without_success(
+    options: list[str],
+    reasons: list[str],
+    robot: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = robot.with_name("reach.npz")
+    monkeypatch.setattr(retarget_command, "analyse_file", lambda *_: small_analysis())
+    command = ["retarget", "reach.csv", "--robot", str(robot), "--hand", "flange"]
+    command += ["--orientation-weight", "0", "--export", str(file)]
+    assert cli.main([*command, *options]) == 1
+    printed = capsys.readouterr().err
+    assert all(reason in printed for reason in reasons)
+    assert go.read_trajectory(file).joint_names[0] == "pan"  # written all the same

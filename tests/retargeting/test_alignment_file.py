@@ -32,12 +32,13 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     base, hand = Rotation.random(2, random_state=5).as_matrix()
     for side, elbow in (("right", "bend"), (None, None)):
         written = go.retargeting.Alignment(
-            (0.1, -0.2, 1 / 3), base, hand, 0.7, side, elbow, "pitch"
+            (0.1, -0.2, 1 / 3), base, hand, 0.7, side, elbow, "pitch", elbow is None
         )
         read = read_alignment(written.save(tmp_path / "file.json"))
         for name in ("shoulder", "base", "hand"):
             assert_allclose(getattr(read, name), getattr(written, name), atol=1e-12)
         assert (read.length, read.side, read.elbow, read.wrist) == (0.7, side, elbow, "pitch")
+        assert read.parallel_gripper is (elbow is None)
 
 
 def test_axes_are_written_and_read_as_words(tmp_path: Path) -> None:
@@ -61,6 +62,7 @@ def test_axes_are_written_and_read_as_words(tmp_path: Path) -> None:
         ({"shoulder": [0, 0]}, "shoulder must have shape"),
         ({"side": "up"}, "side must be"),
         ({"elbow": 4}, "elbow must be the name of a joint"),
+        ({"parallel_gripper": "yes"}, "parallel_gripper must be"),
         ({"colour": "red"}, "'colour' is not one of the fields shoulder, base"),
         ({"base": "+x"}, "base must have the entries right and forward"),
         ({"base": {"right": "+w", "forward": "+y"}}, r"base: right must be one of \+x"),

@@ -43,6 +43,8 @@ def test_command_keeps_all_limits_whatever_the_person_does() -> None:
     trajectory = as_trajectory(commands)
     checked = go.check_trajectory(trajectory, ROBOT, LIMITS)
     assert checked.passed, checked
+    weight = ROBOT.inverse_dynamics(live.command.position, np.zeros(7), np.zeros(7))
+    assert live.command.torque == pytest.approx(weight, abs=1e-9)  # it rests again
     # The claim is exact, and the limits are reached: it is tight for acceleration.
     assert np.all(trajectory.positions >= ROBOT.lower)
     assert np.all(trajectory.positions <= ROBOT.upper)
@@ -157,3 +159,17 @@ def test_limits_of_jerk_need_limits_of_acceleration() -> None:
     limits = replace(LIMITS, acceleration=np.full(7, np.inf))
     with pytest.raises(ValueError, match="limit of jerk need one of acceleration"):
         go.retargeting.LiveRetargeting(PERSON, ROBOT, START, limits=limits)
+
+
+def test_a_parallel_gripper_begins_with_the_nearer_grasp() -> None:
+    """The robot rests with a hand that is mounted the wrong way round, and stays there."""
+    aligned, q = go.retargeting.align(ROBOT), np.clip(np.full(7, 0.3), PERSON.lower, PERSON.upper)
+    hand = np.diag([-1.0, -1.0, 1.0]) @ np.asarray(aligned.hand)
+    either = replace(aligned, hand=hand, parallel_gripper=True)
+    kept = new_live()
+    start = go.inverse_kinematics(ROBOT, START, *reversed(kept.mapping(q)))
+    live = go.retargeting.LiveRetargeting(PERSON, ROBOT, start, alignment=either, limits=LIMITS)
+    for k in range(30):
+        live.step(k * STEP, q)
+    assert live.mapping.turned
+    assert live.command.position == pytest.approx(start, abs=0.02)

@@ -74,6 +74,19 @@ def test_hand_reaches_the_poses(found: go.retargeting.Retargeting, analysis: go.
         assert_allclose(one.path.nodes[-1], other.path.nodes[0], atol=1e-12)
 
 
+def test_a_parallel_gripper_takes_the_better_grasp(
+    found: go.retargeting.Retargeting, analysis: go.Analysis, robot: go.Model
+) -> None:
+    """Of a hand that is mounted the wrong way round, which two fingers do not mind."""
+    aligned = found.arms[0].mapping.target
+    hand = np.diag([-1.0, -1.0, 1.0]) @ aligned.hand
+    either = replace(aligned, hand=hand, parallel_gripper=True)
+    turned = go.retarget(analysis, robot, alignment=either, tolerance=LOOSE)
+    assert "gripper turned by 180 degrees" in turned.arms[0].title
+    assert "errors are from poses so turned" in turned.synergy_table().attrs["note"]
+    assert_allclose(turned.trajectory.positions, found.trajectory.positions, atol=1e-6)
+
+
 def test_limits_hold_everywhere(found: go.retargeting.Retargeting) -> None:
     (arm,) = found.arms
     assert found.success
@@ -278,7 +291,8 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
     ]
     assert min(before) < 0.0
     assert min(before[0], before[-1]) > 0.02
-    settings = replace(SETTINGS, obstacles=[ball], links=links, margin=0.01)
+    apart: dict[str, Any] = {"links": links, "margin": 0.0, "obstacle_margin": 0.01}
+    settings = replace(SETTINGS, obstacles=[ball], **apart)
     avoiding = go.retarget(analysis, robot, settings=settings)
     after = [
         min(go.distances.signed_distances(robot, q, [ball], links=links).values())
@@ -317,12 +331,13 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
     start = np.array([0.2, 0.0, -0.3, 1.0, 0.0, 0.0, 0.0])
     centre = robot.hand_pose(start)[1]
     called: list[str] = []
-    with pytest.raises(ValueError, match=r"start: right forearm to lamp is -0\.\d+ m, and must"):
+    ball = go.Ball(tuple(centre), 0.1, name="lamp")
+    with pytest.raises(ValueError, match=r"right forearm to lamp is -0\.\d+ m, and .* 0.03 m"):
         go.retarget(
             analysis,
             robot,
             start=start,
-            settings=go.RetargetingSettings(obstacles=[go.Ball(tuple(centre), 0.1, name="lamp")]),
+            settings=go.RetargetingSettings(obstacles=[ball], obstacle_margin=0.03),
             progress=lambda label, done, total: called.append(label),
         )
     assert not called
@@ -335,7 +350,8 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
         ({"scale": -1.0}, "scale must be positive"),
         ({"position_weight": 0.0, "orientation_weight": 0.0}, "not both zero"),
         ({"orientation_weight": -1.0}, "zero or above"),
-        ({"margin": -1.0}, "margin must be zero or above"),
+        ({"margin": -1.0}, "^margin must be zero or above"),
+        ({"obstacle_margin": -1.0}, "obstacle_margin must be zero or above"),
         ({"pose_tolerance": 0.01}, "pose_tolerance must be a distance"),
         ({"pose_tolerance": (0.01, -1.0)}, "pose_tolerance must not be negative"),
         ({"pose_tolerance": (0.01, 5.0)}, "the angle is in rad"),

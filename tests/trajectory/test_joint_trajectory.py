@@ -80,6 +80,44 @@ def test_npz_has_plain_arrays(tmp_path: Path) -> None:
         assert archive["effort"].shape == (3, 2)
 
 
+def test_parquet_is_an_episode_of_lerobot(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(swing(31).save(tmp_path / "swing.parquet"))
+    states, actions = (
+        np.array(table[each].to_pylist()) for each in ("observation.state", "action")
+    )
+    assert_allclose(states, swing(31).positions, atol=1e-6)
+    assert np.array_equal(actions[:-1], states[1:])
+    assert_allclose(table["timestamp"], swing(31).time, atol=1e-6)
+    info = json.loads(table.schema.metadata[b"info"])
+    assert info["fps"] == pytest.approx(10.0)
+    assert info["features"]["action"]["names"] == ["a", "b"]
+    with pytest.raises(ValueError, match="evenly spaced"):
+        some().save(tmp_path / "some.parquet")
+
+
+def test_mcap_has_joint_states(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    with some().save(tmp_path / "some.mcap").open("rb") as file:
+        found = list(reader.make_reader(file).iter_messages())
+    assert [message.log_time for _, _, message in found] == [0, 250_000_000, 2_000_000_000]
+    schema, channel, last = found[-1]
+    assert (schema.name, channel.topic) == ("sensor_msgs/msg/JointState", "/joint_states")
+    state = json.loads(last.data)
+    assert state["header"]["stamp"] == {"sec": 2, "nanosec": 0}
+    assert (state["name"], state["effort"]) == (["a", "b"], [])
+    assert state["velocity"] == some().velocities[-1].tolist()
+
+
+def test_rerun_has_a_series_for_each_joint(tmp_path: Path) -> None:
+    chunks = pytest.importorskip("rerun.chunk")
+    file = some().save(tmp_path / "some.rrd")
+    found = {each.entity_path: each.to_record_batch() for each in chunks.RrdReader(file).stream()}
+    batch = found["/velocity/b"].to_pydict()
+    assert [each.total_seconds() for each in batch["time"]] == pytest.approx(TIME, abs=1e-6)
+    assert np.ravel(batch["Scalars:scalars"]).tolist() == some().velocities[:, 1].tolist()
+
+
 def test_a_file_of_another_kind_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"\.csv, \.json, \.npz"):
         some().save(tmp_path / "trajectory.txt")

@@ -43,6 +43,7 @@ from geodesic_ocp.retargeting.waypoints import MISSED
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import text
+from geodesic_ocp.trajectory.joint_trajectory import check_export
 
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed
@@ -67,16 +68,17 @@ def retarget(
     rate: float = 100.0,
     report: Flag = False,
     out: Path | None = None,
+    export: list[Path] | None = None,
     settings: Path | None = None,
     retargeting: RetargetingOptions = RetargetingSettings(),  # noqa: B008
     joint_limits: LimitOptions = GivenLimits(),  # noqa: B008
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
 ) -> int:
-    """Transfer the synergies of a recording to a robot; the exit code is 1 if the result should not
-    run on it.
+    """Transfer the synergies of a recording to a robot; the exit code is 1 if that is no success.
 
-    That is so if paths or trajectory are not found, or the trajectory fails its check. The files
-    are written all the same. Poses missed by more than the tolerance are named.
+    That is so if paths or trajectory are not found, if the trajectory fails its check, or if a pose
+    is missed by more than the tolerance. The reasons are printed, and the files written all the
+    same.
 
     Args:
         file: recording, as for geodesic-ocp analyse.
@@ -98,10 +100,14 @@ def retarget(
         rate: sampling rate of the trajectory [Hz]; 1000 for libfranka.
         report: write a page with animated models; default folder: geodesic_ocp_retarget.
         out: folder for tables, figures, synergies and the trajectory.
+        export: file for the trajectory, .csv, .json (ROS 2), .npz, .parquet (LeRobot), .mcap
+            (/joint_states) or .rrd (rerun); repeatable.
         settings: file (.toml, .json, .yaml) of any of these options, such as margin = 0.02.
     """
     del settings
     check_folder(out)
+    for wanted in export or ():
+        check_export(wanted)
     if report:
         require_pages()
     sides = each_side(side)
@@ -116,7 +122,8 @@ def retarget(
         print()
     if out is None and report:
         out = Path("geodesic_ocp_retarget")
-    return _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report, mount)
+    given = analyses, arms, retargeting, joint_limits, payload, rate, out, report, mount
+    return _transfer(*given, export or ())
 
 
 def demo(
@@ -186,6 +193,7 @@ def _transfer(
     out: Path | None,
     with_report: bool,
     mount: Mount | None = None,
+    exports: Sequence[Path] = (),
 ) -> int:
     loaded = [with_load(robot, payload) for robot, _ in arms]
     robots, joints = limits.of_robots(loaded)
@@ -215,10 +223,11 @@ def _transfer(
             print_written([write_report(result, out / _REPORT)])
         else:
             print(f"\nto see the robot move: geodesic-ocp show {shlex.quote(str(out))}")
+    print_written([result.trajectory.save(each) for each in exports])
     if result.faults:
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"
         print(f"\n{title}:", *result.faults, sep="\n  ", file=sys.stderr)
-    return 1 if result.unfit else 0
+    return 0 if result.success else 1
 
 
 def _summarize(result: Retargeting) -> None:

@@ -171,14 +171,17 @@ class ArmTerms(Course):
         make = _torques if kind == "torque" else _torque_rates
         return units, shares[:, limited], make(self.arm.robot, tuple(limited.tolist()))
 
-    def hand_speeds(self, knots: Indices, shares: Array) -> Block:
-        """Return squared speeds of the hand at some of the knots, within shares (k, 1) of the
-        limit.
+    def hand_speeds(self, pieces: Indices, shares: Array) -> Block:
+        """Return squared speeds of the hand at a quarter and three quarters of some of the pieces,
+        within shares (k, 1) of the limit.
         """
-        units = np.tile([*self.units[1], self.arm.limits.hand_speed], (knots.size, 1))
-        columns = self.indices(knots, 2)
-        none = np.full(shares.shape, -np.inf)
-        return Block(_hand_speed(self.arm.robot), columns, units, none, shares**2)
+        ends = self.indices(pieces), self.indices(pieces + 1)
+        columns = np.hstack([*ends, self.knots.interval[pieces, None]])
+        units = [*self.units[1:3].ravel(), self.arm.limits.hand_speed]
+        values = np.hstack([self.knots.fraction[pieces, None], np.tile(units, (pieces.size, 1))])
+        upper = np.repeat(shares**2, 2, axis=1)
+        lower = np.full_like(upper, -np.inf)
+        return Block(_hand_speeds(self.arm.robot), columns, values, lower, upper)
 
     def end_speeds(self) -> Block:
         """Return squared differences of the velocities at both ends from the person's progress."""
@@ -242,11 +245,17 @@ def _torque_rates(robot: Model, limited: tuple[int, ...]) -> Terms:
 
 
 @lru_cache(maxsize=16)
-def _hand_speed(robot: Model) -> Terms:
-    n = robot.dof
-    z, p = ca.SX.sym("z", 2 * n), ca.SX.sym("p", n + 1)
-    q, v = ca.vertsplit(z, n)
-    return Terms(z, p, 0.0, ca.sumsqr(hand_velocity(robot)(q, v * p[:n]) / p[-1]))
+def _hand_speeds(robot: Model) -> Terms:
+    n, rows = robot.dof, []
+    z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2 + 2 * n)
+    q, v, a, _, _, a1 = ca.vertsplit(z[:-1], n)
+    fraction, speed, growth, limit = ca.vertsplit(p, [0, 1, 1 + n, 1 + 2 * n, 2 + 2 * n])
+    h, v, a, change = fraction * z[-1], v * speed, a * growth, (a1 - a) * growth
+    for s in (0.25, 0.75):
+        at = q + s * h * (v + s * h * (a / 2 + s * change / 6))
+        velocity = hand_velocity(robot)(at, v + s * h * (a + s * change / 2))
+        rows.append(ca.sumsqr(velocity / limit))
+    return Terms(z, p, 0.0, ca.vertcat(*rows))
 
 
 @lru_cache(maxsize=16)
@@ -279,10 +288,10 @@ class WatchedArm:
     Attributes:
         pieces: pieces by kind of limit ("jerk", "velocity", "position"): numbers (k, 2) of pieces
             and joints.
-        sampled: by the kind of limit, numbers (k,) of the knots at which "torque" and "hand_speed"
-            are limited, or of pieces for "torque_rate", and the shares of the limits that are
+        sampled: by the kind of limit, numbers (k,) of the knots at which "torque" is limited, or
+            of pieces for "torque_rate" and "hand_speed", and the shares of the limits that are
             allowed at all knots or in all pieces, (knots, m); less than all where more is
-            reached between knots.
+            reached in between.
     """
 
     pieces: Mapping[str, Indices]

@@ -35,6 +35,7 @@ from geodesic_ocp.execution.trajectory_program import (
     Watched,
     WatchedArm,
 )
+from geodesic_ocp.ipopt import Outcome
 
 TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances
 _SAMPLES, _FEW = 21, 7  # of every piece, both ends included, for torques and for distances
@@ -120,22 +121,27 @@ class ArmCheck:
 # it is exceeded elsewhere.
 _NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
 _NEAR_SAMPLED, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
+_FAST = 0.25  # share of the hand's speed from which on it is minded at first
 _MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
 _NONE: Indices = np.zeros(0, dtype=np.int64)
 
 
-def watched_at_first(program: TrajectoryProgram, durations: Array) -> Watched:
-    """Return jerks of joints that take longer than a piece to reach their accelerations, and no
-    more.
+def watched_at_first(program: TrajectoryProgram, states: KnotStates) -> Watched:
+    """Return jerks of joints that take longer than a piece to reach their accelerations, and speeds
+    of the hand where it is fast.
 
     Args:
         program: program with its knots.
-        durations: durations of the intervals (m,) [s].
+        states: states at the knots to start from.
     """
-    steps, arms = program.knots.steps(durations)[:, None], []
-    for terms in program.terms:
+    steps, arms = program.knots.steps(states.durations)[:, None], []
+    for terms, (q, v, _) in zip(program.terms, states.arms, strict=True):
         slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
-        arms.append(WatchedArm({"jerk": slow} if slow.size else {}, {}))
+        least, sampled = _FAST * terms.arm.limits.hand_speed, {}
+        if np.isfinite(least) and hand_speeds(terms.arm.robot, q, v).max() > least:
+            pieces = len(q) - 1
+            sampled["hand_speed"] = np.arange(pieces), np.full((pieces, 1), 1.0 - INSIDE)
+        arms.append(WatchedArm({"jerk": slow} if slow.size else {}, sampled))
     lower = np.where(program.fixed_knots[:, None], -np.inf, program.clearance.lower)
     return Watched(tuple(arms), {}, lower)
 
@@ -162,8 +168,9 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
     for kind, shares in check.sampled.items():
         if shares.max() <= 1.0 + TOLERANCE:
             continue
-        if kind == "torque_rate":
-            rows, largest = shares.mean(axis=1) - 1.0, shares.max(axis=1) - 1.0
+        if kind != "torque":  # the program keeps a mean, or the speed at quarters of pieces
+            rows = shares.mean(axis=1) if kind == "torque_rate" else shares[:, 5::10].max(axis=1)
+            rows, largest = rows - 1.0, shares.max(axis=1) - 1.0
             close = np.maximum(rows - _NEAR_SAMPLED + 1.0, largest) > 0.0
             more = _beyond(largest, 0.0, np.maximum(rows, -INSIDE))
         else:
@@ -210,6 +217,9 @@ MOST_ROUNDS = 15
 _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
 # The nearest points of the paths are found anew until the duration changes by less than this.
 _SETTLED = 0.005
+# From this round on, a trajectory that exceeds limits by no more than this is slowed down as a
+# whole: in all its rates it is then within them.
+_LATE, _SLIGHTLY = 3, 0.02
 # The first guess, and others if Ipopt fails from it: time stretched more, stops in corners, and the
 # most iterations. A round takes twenty as a rule: where it takes many, another start is quicker.
 _STARTS = ((1.3, False, 100), (2.0, False, 100), (1.3, True, 400), (3.0, True, 400))
@@ -227,7 +237,8 @@ class TrajectoryAttempt:
         distances: in every piece (pieces, samples, m) [m].
         excess: largest excess over a limit, relative or [rad or m].
         change: change of the duration in this round, relative.
-        solved: whether Ipopt found a solution.
+        outcome: outcome of Ipopt.
+        solved: whether it found a solution.
         status: in words.
         iterations: iterations of Ipopt.
         multipliers: multipliers of the program, see `TrajectoryProgram.solve`.
@@ -240,6 +251,7 @@ class TrajectoryAttempt:
     distances: Array
     excess: float
     change: float
+    outcome: Outcome
     solved: bool
     status: str
     iterations: int
@@ -293,6 +305,10 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
     def examine(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
         if not found.solved or (found.success and found.change <= _SETTLED):
             return found, None
+        if number >= _LATE and TOLERANCE < found.excess <= _SLIGHTLY:
+            attempts.append(_slowed(found))
+            if attempts[-1].success:
+                return attempts[-1], None
         program, states = found.program, found.states
         multipliers: tuple[Array, Multipliers] | None = found.multipliers
         fitting = Knots.spaced(program.knots.edges, states.durations)
@@ -300,7 +316,7 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
             program, time = replace(program, knots=fitting), fitting.times(states.durations)
             splines = (np.array(check.spline(time)[:3]) for check in found.checks)
             states = KnotStates(states.durations, tuple(splines))
-            watched, multipliers = watched_at_first(program, states.durations), None
+            watched, multipliers = watched_at_first(program, states), None
         else:
             watched = tightened(found)
         pairs = zip(program.terms, states.arms, strict=True)
@@ -315,8 +331,29 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
 def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
     program, before, references, watched, known = start
     outcome, multipliers = program.solve(before, references, watched, most, known)
+    change = abs(program.states(outcome.x).durations.sum() / before.durations.sum() - 1.0)
+    return _checked(program, program.states(outcome.x), watched, change, outcome, multipliers)
+
+
+def _slowed(found: TrajectoryAttempt) -> TrajectoryAttempt:
+    """Return the same motion, slower by its excess over the limits."""
+    slower, (states, outcome) = 1.0 + found.excess, (found.states, found.outcome)
+    arms = tuple(q / slower ** np.arange(3.0)[:, None, None] for q in states.arms)
+    states = KnotStates(states.durations * slower, arms)
+    given = found.program, states, found.watched, found.excess, outcome, found.multipliers
+    return replace(_checked(*given), iterations=0)
+
+
+def _checked(
+    program: TrajectoryProgram,
+    states: KnotStates,
+    watched: Watched,
+    change: float,
+    outcome: Outcome,
+    multipliers: tuple[Array, Multipliers],
+) -> TrajectoryAttempt:
+    """Return the attempt with these states at the knots, checked densely."""
     clearance = program.clearance
-    states = program.states(outcome.x)
     # Splines have none of the rounding that the program's equations leave at the knots.
     time, checks = program.knots.times(states.durations), []
     for arm, (q, v, _) in zip(program.arms, states.arms, strict=True):
@@ -332,10 +369,9 @@ def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
     status = "within all limits" if outcome.success else outcome.status
     if excess > TOLERANCE:
         status = f"{outcome.status}; {worst} by {excess:.2g}"
-    change = abs(states.durations.sum() / before.durations.sum() - 1.0)
     return TrajectoryAttempt(
         *(program, states, watched, tuple(checks), distances, excess, change),
-        *(outcome.success, status, outcome.iterations, multipliers),
+        *(outcome, outcome.success, status, outcome.iterations, multipliers),
     )
 
 
@@ -372,4 +408,4 @@ def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
     program = replace(coarse, knots=Knots.spaced(edges, durations))
     references = [terms.as_recorded(rest, stops) for terms in program.terms]
     states = through(references, program.knots, more * durations, rest)
-    return program, states, references, watched_at_first(program, states.durations), None
+    return program, states, references, watched_at_first(program, states), None

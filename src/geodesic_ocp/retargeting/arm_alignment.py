@@ -36,6 +36,7 @@ _HELP = [
     " to the person's.",
     "side: 'right' or 'left'; null: either. Recordings of the other side are mirrored.",
     "elbow, wrist: names of joints, or null.",
+    "parallel_gripper: true if the hand turned by 180 degrees about its fingers is the same grasp.",
 ]
 # Three numbers on lines of their own.
 _VECTOR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
@@ -62,6 +63,8 @@ class Alignment(ShortRepr):
             either side.
         elbow: name of the joint that bends the arm between upper arm and forearm; None: not known.
         wrist: name of the joint whose origin is the centre of the wrist; None: not known.
+        parallel_gripper: whether the hand turned by 180 degrees about its fingers is the same
+            grasp. `retarget` then turns it in all poses if that costs less, and says so.
 
     Raises:
         ValueError: wrong shapes or values; the message names the field.
@@ -74,6 +77,7 @@ class Alignment(ShortRepr):
     side: Side | None = None
     elbow: str | None = None
     wrist: str | None = None
+    parallel_gripper: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shoulder", as_vector("shoulder", self.shoulder, 3))
@@ -86,6 +90,8 @@ class Alignment(ShortRepr):
             joint = getattr(self, name)
             if joint is not None and not (isinstance(joint, str) and joint):
                 raise ValueError(f"{name} must be the name of a joint or None, got {joint!r}")
+        if not isinstance(self.parallel_gripper, bool):
+            raise ValueError(f"parallel_gripper must be a bool, got {self.parallel_gripper!r}")
 
     def save(self, file: str | PathLike[str], notes: Sequence[str] = ()) -> Path:
         """Write a JSON file to edit, for `read_alignment`; returns its path.
@@ -106,7 +112,7 @@ class Alignment(ShortRepr):
             "shoulder": np.asarray(self.shoulder).tolist(),
             "base": {name: _direction_record(base[:, k]) for k, name in enumerate(BASE)},
             "hand": {name: _direction_record(hand[k]) for name, k in HAND.items()},
-            **{name: getattr(self, name) for name in ("length", "side", "elbow", "wrist")},
+            **{name: getattr(self, name) for name in ("length", *_OPTIONAL)},
         }
         text = _VECTOR.sub(r"[\1, \2, \3]", json.dumps(record, indent=1))  # one line each
         return write_file(file, text + "\n")
@@ -262,7 +268,7 @@ _KNOWN = {
 
 
 _FIELDS = ("shoulder", "base", "hand", "length")
-_OPTIONAL = ("side", "elbow", "wrist")
+_OPTIONAL = ("side", "elbow", "wrist", "parallel_gripper")
 _OTHER = ("format", "version", "help", "notes")
 _ACROSS = 0.02  # largest cosine of the angle between two axes; smaller ones are rounding
 
@@ -289,7 +295,7 @@ def read_alignment(file: str | PathLike[str]) -> Alignment:
             np.column_stack([right, forward, np.cross(right, forward)]),
             np.vstack([across, np.cross(fingers, across), fingers]),
             record["length"],
-            **{name: record.get(name) for name in _OPTIONAL},
+            **{name: record[name] for name in _OPTIONAL if name in record},
         )
     except ValueError as failure:
         raise RecordingError(f"{file}: {failure}") from None
@@ -397,8 +403,8 @@ def known_alignment(robot: Model) -> Alignment | None:
     known = _KNOWN.get(name)
     if name in _HUMAN:
         side, axes = _HUMAN[name], np.eye(3)
-        joints = (f"{side[0].upper()}{each}_joint" for each in ("Ex", "Wx"))
-        return Alignment(np.zeros(3), axes, axes, robot.reach, side, *joints)
+        elbow, wrist = (f"{side[0].upper()}{each}_joint" for each in ("Ex", "Wx"))
+        return Alignment(np.zeros(3), axes, axes, robot.reach, side, elbow, wrist)
     if known is None:
         return None
     usual = ROBOTS[name]
@@ -411,4 +417,5 @@ def known_alignment(robot: Model) -> Alignment | None:
     hand = hand @ robot.frame_pose(usual.hand, home)[0].T @ robot.hand_pose(home)[0]
     _, shoulder = robot.frame_pose(known.joint, home)
     length = arm_length(robot, known.joint)
-    return Alignment(shoulder, base, hand, length, known.side, known.elbow, known.wrist)
+    gripper = usual.parallel_gripper and robot.hand == usual.hand
+    return Alignment(shoulder, base, hand, length, known.side, known.elbow, known.wrist, gripper)

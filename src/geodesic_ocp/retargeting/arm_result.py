@@ -295,7 +295,8 @@ class RetargetedArm(PairedArm):
     def title(self) -> str:
         """Names of the person's arm and of the robot."""
         mirrored = " (mirrored)" if self.mapping.mirror else ""
-        return f"{self.analysis.model.name}{mirrored} on {self.robot.name}"
+        turned = ", gripper turned by 180 degrees" if self.mapping.turned else ""
+        return f"{self.analysis.model.name}{mirrored} on {self.robot.name}{turned}"
 
 
 def _timed(

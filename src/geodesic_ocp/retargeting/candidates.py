@@ -19,6 +19,7 @@ from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
 from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
+from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.waypoints import (
     REACHED,
     ArmWaypoints,
@@ -185,6 +186,8 @@ def shortest_path(
 _ROUNDS = 3  # of new candidates around those chosen
 _FAR = 0.25  # of the arm's length
 _TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
+AT_REST = 1e-9  # action [J s]
+DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
@@ -208,6 +211,16 @@ class StartConfigurations(NamedTuple):
 def least_action(waypoints: ArmWaypoints, layers: Sequence[Candidates]) -> float:
     """Return action [J s] of the straight lines between those candidates for which it is least."""
     return _best(waypoints, ObjectiveWeights(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
+
+
+def graph_weights(
+    waypoints: ArmWaypoints, layers: Sequence[Candidates], settings: RetargetingSettings
+) -> ObjectiveWeights:
+    """Return the weights of the objective for one arm by itself, in units of its least action."""
+    action = least_action(waypoints, layers)
+    duration = float(waypoints.ends[-1] - waypoints.begins[0])
+    weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
+    return ObjectiveWeights(action if action > AT_REST else 1.0, duration, *weights, DETOUR)
 
 
 def own_lacks(

@@ -18,7 +18,7 @@ The steps of one tick are all causal, and their delays are known:
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,11 +30,12 @@ from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.retargeting.waypoints import PoseMapping
+from geodesic_ocp.retargeting.waypoints import PoseMapping, gravity_on
 from geodesic_ocp.synergies.segment import OnlineSegmentation
 
 # Samples of the parabolas: for the hand, and for the synergies as Klein et al. 2022 filter them.
 _SHORT, _LONG = 11, 21
+_POWERS = np.arange(3.0)[:, None]
 _BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
 _DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altogether
 _DEFAULT = RetargetingSettings()
@@ -50,12 +51,15 @@ class LiveCommand(ShortRepr):
     Attributes:
         time: since the first step began [s].
         position, velocity, acceleration: [rad or m], per second, per second squared.
+        torque: what this takes by inverse dynamics, with gravity as the robot is aligned [N m or
+            N]. It is not limited: compare it with the limits.
     """
 
     time: float
     position: Array
     velocity: Array
     acceleration: Array
+    torque: Array
 
 
 class LiveRetargeting:
@@ -63,8 +67,10 @@ class LiveRetargeting:
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep the
     limits of position, speed, acceleration and jerk, whatever the samples are. They lag behind by
-    `delay`, and by more where the limits do not allow the person's speed. Torques, and distances
-    between links or to obstacles, are not considered. Synergies of the person are closed as soon as
+    `delay`, and by more where the limits do not allow the person's speed. Torques are told
+    (`LiveCommand.torque`) and not limited; the speed of the hand, and distances between links or to
+    obstacles, are not considered. A parallel gripper is turned as it begins, or after a gap, to the
+    nearer one of both grasps. Synergies of the person are closed as soon as
     the rule of `segment` is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
 
     >>> import numpy as np, geodesic_ocp as go
@@ -134,14 +140,15 @@ class LiveRetargeting:
         # Functions are built and compiled now, not while the person moves.
         self._metric.kernels.available()
         self._metric.acceleration(zero, zero)
-        rotation, position = self.mapping(zero)
-        self._tracker.speeds(q, np.zeros(robot.dof), rotation, position, np.zeros(6))
+        rotations, positions = self.mapping(np.array([zero, zero]))
+        self._tracker.speeds(q, np.zeros(robot.dof), rotations[0], positions[0], np.zeros(6))
         self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
         self._time, self._ticks = -np.inf, 0
         self._begin, self._counted = 0.0, 0  # of steps without a pause, to check their rate
         self._target = q  # configuration after the steps of constant speed
+        self._gravity = gravity_on(target)
         self._speeds = deque(np.zeros((self._count + 1, robot.dof)), maxlen=self._count + 1)
-        self.command = LiveCommand(0.0, q, np.zeros(robot.dof), np.zeros(robot.dof))
+        self.command = self._command(0.0, q, np.zeros(robot.dof), np.zeros(robot.dof))
 
     def __repr__(self) -> str:
         arms = f"{self.person.name} on {self.robot.name}"
@@ -186,13 +193,12 @@ class LiveRetargeting:
         self._time, self._counted = time, self._counted + 1
         before = self._speeds[-1]
         if self._samples and time - self._samples[-1][0] <= _GAP * self._step:
-            here, after = self._expected(time)
-            rotation, position = self.mapping(here)
-            rotated, moved = self.mapping(after)
-            turn = rotated @ rotation.T
+            rotations, positions = self.mapping(self._expected(time))
+            turn = rotations[1] @ rotations[0].T
             turning = (turn - turn.T)[[2, 0, 1], [1, 2, 0]] / 2.0  # of small angles
-            velocity = np.append(moved - position, turning) / self._step
-            speeds = self._tracker.speeds(self._target, before, rotation, position, velocity)
+            velocity = np.append(positions[1] - positions[0], turning) / self._step
+            pose = rotations[0], positions[0]
+            speeds = self._tracker.speeds(self._target, before, *pose, velocity)
         else:
             speeds = np.clip(0.0, *self._tracker.bounds(self._target, before))
         self._target = self._target + self._step * speeds
@@ -205,31 +211,35 @@ class LiveRetargeting:
         if self._samples and time - self._samples[-1][0] > _GAP * self._step:
             self._samples.clear()
             self._segmentation.restart()
+        if not self._samples and self.mapping.target.parallel_gripper:
+            self.mapping = self._nearer_grasp(q)
         self._samples.append((time, q))
         if len(self._samples) == _LONG:
             middle = self._samples[_LONG // 2][0]
             self._segmentation.add(middle, *self._parabola(_LONG, middle))
 
+    def _nearer_grasp(self, q: Array) -> PoseMapping:
+        """Return the mapping with the gripper turned to where the robot's is nearer to it."""
+        here, _ = self.robot.hand_pose(self._target)
+        both = (replace(self.mapping, turned=turned) for turned in (False, True))
+        return max(both, key=lambda each: float(np.sum(each(q)[0] * here)))
+
     def _parabola(self, count: int, time: float) -> tuple[Array, Array]:
         """Return position and velocity (n,) at a time of the parabola through the last samples."""
-        last = list(self._samples)[-count:]
-        since = (np.array([each for each, _ in last]) - time) / self._step
-        powers = np.vander(since, 3, increasing=True).T
-        values = np.linalg.solve(powers @ powers.T, powers @ np.array([each for _, each in last]))
+        times, samples = zip(*list(self._samples)[-count:], strict=True)
+        powers = ((np.array(times) - time) / self._step) ** _POWERS
+        values = np.linalg.solve(powers @ powers.T, powers @ np.array(samples))
         return values[0], values[1] / self._step
 
-    def _expected(self, time: float) -> tuple[Array, Array]:
-        """Return where the person will be at a time, and one step later."""
+    def _expected(self, time: float) -> Array:
+        """Return where the person will be at a time, and one step later (2, n)."""
         if len(self._samples) < _SHORT:
-            return self._samples[-1][1], self._samples[-1][1]
+            return np.array([self._samples[-1][1]] * 2)
         touched = self._samples[-1 - _BEFORE][0]
         position, velocity = self._parabola(_SHORT, touched)
         bend = self._metric.acceleration(position, velocity) / 2.0
-        here, after = time - touched, time - touched + self._step
-        return (
-            position + here * velocity + here**2 * bend,
-            position + after * velocity + after**2 * bend,
-        )
+        since = time - touched + np.array([[0.0], [self._step]])
+        return np.asarray(position + since * velocity + since**2 * bend)
 
     def _smoothed(self) -> LiveCommand:
         """Return the command that follows, from the averages over the last steps."""
@@ -243,4 +253,7 @@ class LiveRetargeting:
             last.velocity + h * (last.acceleration / 2.0 + h * jerk / 6.0)
         )
         self._ticks += 1
-        return LiveCommand(self._ticks * h, position, velocity, acceleration)
+        return self._command(self._ticks * h, position, velocity, acceleration)
+
+    def _command(self, time: float, q: Array, v: Array, a: Array) -> LiveCommand:
+        return LiveCommand(time, q, v, a, self.robot.inverse_dynamics(q, v, a, self._gravity))

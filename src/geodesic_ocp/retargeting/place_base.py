@@ -19,13 +19,12 @@ from geodesic_ocp.retargeting.candidates import (
     Lacks,
     find_start,
     first_candidates,
-    least_action,
+    graph_weights,
     own_lacks,
 )
 from geodesic_ocp.retargeting.reachability import NearestPoses, nearest_of_each, random_starts
 from geodesic_ocp.retargeting.retarget import paired_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
-from geodesic_ocp.retargeting.synergy_paths import DETOUR
 from geodesic_ocp.retargeting.waypoints import (
     ArmWaypoints,
     ObjectiveWeights,
@@ -48,7 +47,6 @@ _MOST_POSES = 24  # that are counted
 _CHOSEN = 8  # mountings for which configurations are chosen
 _POLISHED = 2
 _TOLERANCE = 1e-6
-_AT_REST = 1e-9  # action [J s]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -252,14 +250,8 @@ class _BaseSearch:
     @cached_property
     def _weights(self) -> tuple[ObjectiveWeights, ...]:
         """Weights of the objective, of each recording."""
-        settings, found = self.pairs[0].settings, []
-        for arm in self._default:
-            action = least_action(arm, first_candidates(arm))
-            weights = (settings.stretch_weight, settings.posture_weight, settings.likeness_weight)
-            duration = float(arm.ends[-1] - arm.begins[0])
-            unit = action if action > _AT_REST else 1.0
-            found.append(ObjectiveWeights(unit, duration, *weights, DETOUR))
-        return tuple(found)
+        settings = self.pairs[0].settings
+        return tuple(graph_weights(arm, first_candidates(arm), settings) for arm in self._default)
 
     @cached_property
     def _lacks(self) -> Lacks | None:

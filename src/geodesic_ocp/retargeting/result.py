@@ -130,7 +130,7 @@ class Retargeting:
 
     @property
     def too_weak(self) -> tuple[str, ...]:
-        """Joints that cannot hold their arm at the end of a synergy, and get more torque there."""
+        """Joints that cannot hold their arm on its paths, and whose torque is not limited."""
         return tuple(
             name
             for arm, timed in zip(self.arms, self.planned.arms, strict=True)
@@ -230,12 +230,14 @@ class Retargeting:
                         "status": transfer.status,
                     }
                 )
-        begins = (
-            f"{arm.robot.name} begins {distance:.2g} m and {angle:.2g} rad from its first pose."
-            for arm in self.arms
-            for distance, angle in [arm.pose_errors[0]]
-        )
-        return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], " ".join(begins))
+        notes = []
+        for arm in self.arms:
+            name, (distance, angle) = arm.robot.name, arm.pose_errors[0]
+            notes.append(f"{name} begins {distance:.2g} m and {angle:.2g} rad from its first pose.")
+            if arm.mapping.turned:
+                turned = "is turned by 180 degrees, the same grasp; errors are from poses so turned"
+                notes.append(f"The gripper of {name} {turned}.")
+        return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], " ".join(notes))
 
     def plot(self) -> Figure:
         """Return person and robot at some instants, the hand and three joints over time, and its

@@ -29,7 +29,12 @@ from geodesic_ocp.retargeting.arm_result import (
     transfers_on,
     unattained,
 )
-from geodesic_ocp.retargeting.candidates import first_candidates
+from geodesic_ocp.retargeting.candidates import (
+    Candidates,
+    find_start,
+    first_candidates,
+    graph_weights,
+)
 from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
 from geodesic_ocp.retargeting.merge_synergies import merge_synergies
 from geodesic_ocp.retargeting.reachability import reachability, scaled_to_fit
@@ -41,15 +46,22 @@ from geodesic_ocp.retargeting.settings import (
     of_trajectory,
 )
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
-from geodesic_ocp.retargeting.waypoints import PairedArm, PoseMapping, arm_waypoints, start_of
+from geodesic_ocp.retargeting.waypoints import (
+    ArmWaypoints,
+    PairedArm,
+    PoseMapping,
+    arm_waypoints,
+    start_of,
+)
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6
 _RATE = 100.0  # [Hz]
-# Where holding the arm takes much of a joint's torque, it gets this many times as much as that: up
-# to its limit, and beyond it if it is too weak to hold the arm at all.
+# Where holding the arm takes much of a joint's torque, it gets this many times as much as that, up
+# to its limit.
 _MOVING = 1.5
+_WORTH = 0.95  # of the cost, for which a gripper is turned from how the person's hand is
 
 
 @shows_progress
@@ -167,8 +179,8 @@ def retarget_arms(
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
     if settings.constrained:
-        arms = [arm_waypoints(pair, tolerance) for pair in pairs]
-        candidates = [tuple(first_candidates(arm)) for arm in arms]
+        grasps = [_better_grasp(pair, tolerance) for pair in pairs]
+        pairs, arms, candidates = map(list, zip(*grasps, strict=True))
         far = [unattained(*each) for each in zip(pairs, arms, candidates, strict=True)]
         _warn_out_of_reach(pairs, far)
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
@@ -241,6 +253,26 @@ def _heavier(robot: Model) -> Model:
     return with_rotor_inertia(robot)
 
 
+def _better_grasp(
+    pair: PairedArm, tolerance: float
+) -> tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]:
+    """Return the arm, its waypoints and candidates there; of a parallel gripper, turned by 180
+    degrees if the best configurations cost less by a twentieth.
+
+    It is turned on the whole way, as what it holds turns with it.
+    """
+    is_either = pair.mapping.target.parallel_gripper and pair.settings.orientation_weight > 0.0
+    found = []
+    for each in (pair, pair.turned) if is_either else (pair,):
+        waypoints = arm_waypoints(each, tolerance)
+        found.append((each, waypoints, tuple(first_candidates(waypoints))))
+    if not is_either:
+        return found[0]
+    weights = graph_weights(*found[0][1:], pair.settings)
+    costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
+    return found[costs[1] < _WORTH * costs[0]]
+
+
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
     """Return the given limits, those of the robot, or none at all."""
     if given is not None:
@@ -290,14 +322,13 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
     """Return the paths from which the trajectory is planned.
 
     Warns:
-        UserWarning: a joint is too weak to hold the arm at the end of a synergy. It is allowed
-            more torque.
+        UserWarning: a joint is too weak to hold the arm somewhere on its paths, in any time. Its
+            torque is not limited.
     """
     robot, share = pair.bounded, pair.settings.torque_share
-    paths = [transfer.path for transfer in transfers]
-    ends = [paths[0].nodes[0], *(path.nodes[-1] for path in paths)]
-    still = np.zeros(robot.dof)
-    held = np.abs([robot.inverse_dynamics(q, still, still, pair.gravity) for q in ends])
+    paths, still = [transfer.path for transfer in transfers], np.zeros(robot.dof)
+    nodes = np.vstack([path.nodes for path in paths])
+    held = np.abs([robot.inverse_dynamics(q, still, still, pair.gravity) for q in nodes])
     limit, needed = pair.limits.torque, held.max(axis=0)
     for joint in np.flatnonzero(needed > limit):
         warnings.warn(
@@ -308,7 +339,7 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
             5,
         )
     torque = np.maximum(share * limit, np.minimum(limit, _MOVING * needed))
-    torque = np.where(needed > limit, _MOVING * needed, torque)
+    torque = np.where(needed > limit, np.inf, torque)
     return ArmPaths(robot, replace(pair.limits, torque=torque), pair.edges, paths, pair.gravity)
 
 

@@ -76,7 +76,8 @@ class RetargetingSettings(ShortRepr):
         links: names of the links that are kept clear of obstacles; see `Reach`.
         pairs: pairs of links kept apart, in place of the pairs found for `self_collision`; see
             `execution.link_pairs`.
-        margin: smallest distance allowed between links, and to obstacles [m].
+        margin: smallest distance allowed between links [m].
+        obstacle_margin: smallest distance allowed to obstacles [m]; default: that between links.
         num_starts: number of geodesics sought for each synergy in the formulation "geodesic", of
             which the geodesic of least energy is taken.
         energy_weight: weight of the energy in the formulation "geodesic".
@@ -113,6 +114,7 @@ class RetargetingSettings(ShortRepr):
     links: Sequence[str] | None = None
     pairs: Sequence[tuple[str, str]] = ()
     margin: float = 0.01
+    obstacle_margin: float | None = None
     num_starts: int = 1
     energy_weight: float = ENERGY_WEIGHT
 
@@ -126,9 +128,10 @@ class RetargetingSettings(ShortRepr):
         if self.mirror not in (None, True, False):
             raise ValueError(f"mirror must be True, False or None, got {self.mirror!r}")
         weights = ("position_weight", "orientation_weight", "posture_weight", "likeness_weight")
-        for name in (*weights, "margin"):
-            if as_number(name, getattr(self, name)) < 0.0:
-                raise ValueError(f"{name} must be zero or above, got {getattr(self, name):g}")
+        for name in (*weights, "margin", "obstacle_margin"):
+            value = getattr(self, name)
+            if value is not None and as_number(name, value) < 0.0:
+                raise ValueError(f"{name} must be zero or above, got {value:g}")
         if np.shape(self.pose_tolerance) != (2,):
             raise ValueError(
                 f"pose_tolerance must be a distance [m] and an angle [rad], got "
@@ -168,8 +171,18 @@ class RetargetingSettings(ShortRepr):
 
     @property
     def collisions(self) -> CollisionAvoidance:
-        """The collision bodies that are kept apart."""
-        return CollisionAvoidance.checked(self.obstacles, self.links, self.pairs, self.margin)
+        """The collision bodies that are kept apart, all by the largest of their margins."""
+        margin = max([each.margin for each in self.each_apart if not each.is_empty], default=0.0)
+        return CollisionAvoidance.checked(self.obstacles, self.links, self.pairs, margin)
+
+    @property
+    def each_apart(self) -> tuple[CollisionAvoidance, CollisionAvoidance]:
+        """The obstacles and the pairs of links, each with its margin."""
+        far = self.margin if self.obstacle_margin is None else self.obstacle_margin
+        return (
+            CollisionAvoidance.checked(self.obstacles, self.links, (), far),
+            CollisionAvoidance.checked((), None, self.pairs, self.margin),
+        )
 
     @property
     def within_limits(self) -> bool:
@@ -203,15 +216,15 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     found, q = list[Clearance](), ca.SX.sym("q", sum(robot.dof for robot in robots))
     if settings.self_collision and not settings.pairs:
         found += filter(None, [_links_apart(tuple(robots), settings.margin)])
-    obstacles, links, pairs, margin = settings.collisions
-    if obstacles or pairs:
-        first = 0
-        for robot in robots:
-            own = q[first : first + robot.dof]
+    first = 0
+    for robot in robots:
+        own = q[first : first + robot.dof]
+        for obstacles, links, pairs, margin in settings.each_apart:
             distances = signed_distances(robot, own, obstacles, links=links, pairs=pairs)
-            function = ca.Function("distances", [q], [ca.vertcat(*distances.values())])
-            found.append(Clearance(function, np.full(len(distances), margin), tuple(distances)))
-            first += robot.dof
+            if distances:
+                function = ca.Function("distances", [q], [ca.vertcat(*distances.values())])
+                found.append(Clearance(function, np.full(len(distances), margin), tuple(distances)))
+        first += robot.dof
     return joined_clearance(found, q.numel()) if found else None
 
 

@@ -24,6 +24,8 @@ from geodesic_ocp.ocp.refinement import unresolved_energy, worst_by_segment
 from geodesic_ocp.ocp.violations import path_samples
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.candidates import (
+    AT_REST,
+    DETOUR,
     Candidates,
     find_start,
     first_candidates,
@@ -36,10 +38,8 @@ from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 from geodesic_ocp.trajectory.path import Path
 
 _SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
-DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
 _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
-_AT_REST = 1e-9  # action [J s]
 _LACKING = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
 _ROUNDS, _MOST_SEGMENTS = 12, 400
 _RESOLVED = 1e-5  # of the energy
@@ -183,7 +183,7 @@ class SynergyPaths(ShortRepr, Problem):
         edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in self.arms]))
         layers = self.candidates or tuple(tuple(first_candidates(arm)) for arm in self.arms)
         action = sum(least_action(arm, each) for arm, each in zip(self.arms, layers, strict=True))
-        unit = action if action > _AT_REST else 1.0
+        unit = action if action > AT_REST else 1.0
         weights = ObjectiveWeights(
             unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, DETOUR
         )

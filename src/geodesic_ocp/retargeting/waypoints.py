@@ -123,13 +123,13 @@ def start_of(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> A
     """
     within = settings.within_limits
     start = checked_start(robot, given) if within else as_vector("start", given, robot.dof)
-    obstacles, links, pairs, margin = settings.collisions
-    distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
-    for name, distance in distances.items():
-        if distance < margin:
-            raise ValueError(
-                f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
-            )
+    for obstacles, links, pairs, margin in settings.each_apart:
+        distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
+        for name, distance in distances.items():
+            if distance < margin:
+                raise ValueError(
+                    f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
+                )
     return start
 
 
@@ -173,6 +173,8 @@ class PoseMapping(ShortRepr):
         source, target: alignments of the person and of the robot.
         scale: factor of positions.
         mirror: whether left and right are exchanged.
+        turned: whether the hand is turned by 180 degrees about its fingers, as a parallel gripper
+            may be.
     """
 
     model: Model
@@ -180,7 +182,8 @@ class PoseMapping(ShortRepr):
     target: Alignment
     scale: float
     mirror: bool
-    _shown = ("scale", "mirror")
+    turned: bool = False
+    _shown = ("scale", "mirror", "turned")
 
     @classmethod
     def between(
@@ -197,6 +200,8 @@ class PoseMapping(ShortRepr):
     def __call__(self, q: Array) -> tuple[Array, Array]:
         """Return rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, for q (k, n)."""
         rotation, position = self.source.to_person(*self.model.hand_pose(q))
+        if self.turned:
+            rotation = rotation @ np.diag([-1.0, -1.0, 1.0])
         return self.target.to_robot(rotation, position, scale=self.scale, mirror=self.mirror)
 
     def elbow_offsets(self, q: Array) -> Array:
@@ -233,6 +238,13 @@ class PairedArm(ShortRepr):
     start: Array | None
     target_poses: tuple[Array, Array]
     _shown = ("robot", "mapping")
+
+    @property
+    def turned(self) -> PairedArm:
+        """The same, with the hand turned by 180 degrees about its fingers."""
+        mapping = replace(self.mapping, turned=not self.mapping.turned)
+        poses = mapping(self.analysis.motion.q)
+        return replace(self, mapping=mapping, target_poses=poses)
 
     @property
     def gravity(self) -> Array:

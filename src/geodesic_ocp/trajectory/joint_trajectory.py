@@ -1,4 +1,4 @@
-"""Joint trajectories for robot controllers: CSV, a ROS 2 message in JSON, and NumPy files."""
+"""Joint trajectories for robot controllers: CSV, a ROS 2 message in JSON, NumPy and other files."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array
 from geodesic_ocp.records import write_together
+from geodesic_ocp.trajectory.exports import EXPORTS, NANO, library
 
-NANO = 1_000_000_000
+_SUFFIXES = (".csv", ".json", ".npz", *EXPORTS)
 _EVEN = 1e-4  # largest deviation of an even step, of its length
 KINDS = ("position", "velocity", "acceleration", "effort")  # of columns of a table
 _METRES = ("m", "m/s", "m/s^2", "N")  # their units for a joint in metres
@@ -255,22 +256,40 @@ class JointTrajectory(ShortRepr):
         return archive.getvalue()
 
     def save(self, file: str | PathLike[str], *, effort: bool = False) -> Path:
-        """Write a file by its suffix, .csv, .json or .npz, and return its path.
+        """Write a file by its suffix, and return its path.
+
+        .csv, .json (ROS 2) and .npz, which `read_trajectory` reads; .parquet (an episode of
+        LeRobot), .mcap (/joint_states) and .rrd (rerun), see `trajectory.exports`.
 
         Args:
             file: its path. A .csv and an .npz include the efforts, if known.
             effort: also include them in a .json, see `json`.
 
         Raises:
-            ValueError: another suffix.
+            ValueError: another suffix, or uneven samples for a .parquet.
+            ImportError: the package that writes the file is missing.
             OSError: the file cannot be written.
         """
-        path, json = Path(file), partial(self.json, effort=effort)
+        check_export(path := Path(file))
+        json = partial(self.json, effort=effort)
+        given = self.time, self._by_kind(), self.joint_names, self.rate
         writers: dict[str, Callable[[], str | bytes]]
         writers = {".csv": self.csv, ".json": json, ".npz": self.npz}
-        if path.suffix not in writers:
-            raise ValueError(f"file must end in {', '.join(writers)}, got {str(file)!r}")
+        writers |= {suffix: partial(export, *given) for suffix, export in EXPORTS.items()}
         written = writers[path.suffix]()
         content = written if isinstance(written, bytes) else written.encode("utf-8")
         write_together(path.parent, lambda folder: (folder / path.name).write_bytes(content))
         return path
+
+
+def check_export(file: Path) -> None:
+    """Check that a trajectory can be written to a file of this name.
+
+    Raises:
+        ValueError: it has another suffix than those of `JointTrajectory.save`.
+        ImportError: the package that writes the file is missing.
+    """
+    if file.suffix not in _SUFFIXES:
+        raise ValueError(f"file must end in {', '.join(_SUFFIXES)}, got {str(file)!r}")
+    if file.suffix in EXPORTS:
+        library(file.suffix)

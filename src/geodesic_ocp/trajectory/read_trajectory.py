@@ -16,7 +16,8 @@ from scipy.interpolate import make_interp_spline
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.records import convert, decoding, parse_json, read_arrays
-from geodesic_ocp.trajectory.joint_trajectory import KINDS, NANO, JointTrajectory
+from geodesic_ocp.trajectory.exports import NANO
+from geodesic_ocp.trajectory.joint_trajectory import KINDS, JointTrajectory
 
 _TIME = re.compile(r"(time_from_start|timestamp|time|t)( *[\[(]s[\])])?", re.IGNORECASE)
 _COLUMN = re.compile(

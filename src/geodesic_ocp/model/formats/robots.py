@@ -24,21 +24,28 @@ class Robot:
         file: path below the package's folder of robots.
         hand: frame at the grasp centre if the file has one, otherwise the last link.
         base: fixed link; the joints before it are locked.
+        parallel_gripper: whether the hand is a gripper of two fingers that half a turn about its
+            approach axis, through the origin of the frame, exchanges.
     """
 
     package: str
     file: str
     hand: str
     base: str
+    parallel_gripper: bool = False
 
 
 ROBOTS = {
-    "panda": Robot(_EXAMPLE, "panda_description/urdf/panda.urdf", "panda_hand_tcp", "panda_link0"),
+    "panda": Robot(
+        *(_EXAMPLE, "panda_description/urdf/panda.urdf", "panda_hand_tcp", "panda_link0"),
+        parallel_gripper=True,
+    ),
     **{
-        f"{name}-{side}-arm": Robot(_EXAMPLE, file, f"gripper_{side}_base_link", base)
-        for name, file, base in (
-            ("talos", "talos_data/robots/talos_reduced.urdf", "torso_2_link"),
-            ("tiago-pro", "tiago_pro_description/robots/tiago_pro.urdf", "torso_lift_link"),
+        f"{name}-{side}-arm": Robot(_EXAMPLE, file, f"gripper_{side}_base_link", base, parallel)
+        for name, file, base, parallel in (
+            # One finger against two.
+            ("talos", "talos_data/robots/talos_reduced.urdf", "torso_2_link", False),
+            ("tiago-pro", "tiago_pro_description/robots/tiago_pro.urdf", "torso_lift_link", True),
         )
         for side in ("left", "right")
     },
