@@ -32,6 +32,8 @@ class ArmPaths(ShortRepr):
         edges: times (k + 1,) [s] in the recording at which its k paths begin and end.
         paths: k of them; of zero length where the arm rests. Each begins where the one before ends.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
+        progress: times (m,) in the recording [s], and how far the person has come by then (m,), in
+            any unit, increasing: timing that the robot should have on every path; None: any.
     """
 
     robot: Model
@@ -39,6 +41,7 @@ class ArmPaths(ShortRepr):
     edges: Array
     paths: Sequence[Path]
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+    progress: tuple[Array, Array] | None = None
 
     _shown = ("robot", "edges")
 
@@ -179,6 +182,8 @@ def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
 
 _SAMPLES = 201  # of a path, to find its nearest point
 _ALONG = 0.02  # of the squared deviation along the path that counts: it is a matter of timing
+# With a known timing, a path counts in this direction as if it were at most this long [rad or m].
+_TIMED = 0.17
 _ISOTROPIC = 0.3  # of the mean inertia, for joints that carry next to none
 _STILL = 1e-9  # [rad or m]: a path that is no longer is a rest
 
@@ -260,6 +265,15 @@ class Course:
         )
         return self._at(np.clip(s, 0.0, 1.0))
 
+    @cached_property
+    def timed(self) -> Reference | None:
+        """Points that are as far along every path as the person was; None if that is not known."""
+        if self.arm.progress is None:
+            return None
+        time, own = self.knots.edges[0] + self.knots.times(self.knots.person), self.path_of
+        upto, ends = (np.interp(each, *self.arm.progress) for each in (time, self.arm.edges))
+        return self._at(np.clip((upto - ends[own]) / np.diff(ends)[own], 0.0, 1.0), timed=True)
+
     def nearest(self, positions: Array) -> Reference:
         """Return the points of the paths nearest to positions (knots, n), in order along every
         path.
@@ -274,11 +288,11 @@ class Course:
         s[-1] = 1.0
         return self._at(s)
 
-    def _at(self, s: Array) -> Reference:
+    def _at(self, s: Array, timed: bool = False) -> Reference:
         """Return the points at path parameters s (knots,); at a junction the next path begins.
 
-        Deviations along a path hardly count, except where the arm rests and at the ends, beyond
-        which they would lead.
+        Deviations along a path hardly count, or less than others if it is `timed`, except where the
+        arm rests and at the ends, beyond which they would lead.
         """
         s = s.copy()
         s[self.at[:-1]] = 0.0
@@ -290,7 +304,8 @@ class Course:
         metrics = self._metrics(positions)
         covectors = np.einsum("kij,kj->ki", metrics, tangents)
         squares = np.einsum("ki,ki->k", covectors, tangents)
-        share = _ratio(np.full_like(squares, 1.0 - _ALONG), squares)
+        kept = np.minimum(_ratio(np.full_like(squares, _TIMED**2), squares), 1.0)
+        share = _ratio(1.0 - kept if timed else np.full_like(squares, 1.0 - _ALONG), squares)
         along = np.einsum("ki,kj,k->kij", covectors, covectors, share)
         return Reference(positions, metrics - along)
 
