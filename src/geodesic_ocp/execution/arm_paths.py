@@ -183,7 +183,7 @@ def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
 _SAMPLES = 201  # of a path, to find its nearest point
 _ALONG = 0.02  # of the squared deviation along the path that counts: it is a matter of timing
 # With a known timing, a path counts in this direction as if it were at most this long [rad or m].
-_TIMED = 0.17
+_TIMED = 0.1
 _ISOTROPIC = 0.3  # of the mean inertia, for joints that carry next to none
 _STILL = 1e-9  # [rad or m]: a path that is no longer is a rest
 

@@ -408,7 +408,7 @@ class MotionProgram:
         return nodes, np.maximum(x[self.offsets[-2] : self.offsets[-1]], 0.0)
 
 
-_HAND = 0.6  # weight of the hand's distance or angle from the person's, in units of the tolerance
+_HAND = 0.3  # weight of the hand's distance or angle from the person's, in units of the tolerance
 
 
 @lru_cache(maxsize=16)
