@@ -270,7 +270,7 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
     hand = robot.hand_pose(free.motion.q)[1]
     k = len(hand) * 3 // 4  # while the hand rises
     beside = np.cross(hand[k + 1] - hand[k - 1], hand[-1] - hand[0] + np.array([0.0, 0.0, 1.0]))
-    centre = hand[k] + 0.07 * beside / np.linalg.norm(beside)
+    centre = hand[k] + 0.06 * beside / np.linalg.norm(beside)
     ball, links = go.Ball(tuple(centre), 0.05, name="lamp"), ("right hand",)
     before = [
         min(go.distances.signed_distances(robot, q, [ball], links=links).values())

@@ -183,7 +183,7 @@ def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
 _SAMPLES = 201  # of a path, to find its nearest point
 _ALONG = 0.02  # of the squared deviation along the path that counts: it is a matter of timing
 # With a known timing, a path counts in this direction as if it were at most this long [rad or m].
-_TIMED = 0.1
+_TIMED = 0.2
 _ISOTROPIC = 0.3  # of the mean inertia, for joints that carry next to none
 _STILL = 1e-9  # [rad or m]: a path that is no longer is a rest
 
@@ -266,13 +266,20 @@ class Course:
         return self._at(np.clip(s, 0.0, 1.0))
 
     @cached_property
-    def timed(self) -> Reference | None:
-        """Points that are as far along every path as the person was; None if that is not known."""
+    def _timing(self) -> tuple[Array, Array] | None:
+        """Matrices (knots, n, n) of the squared distances, along the paths alone, from points as
+        far along every path as the person was, and their products with these points (knots, n).
+        """
         if self.arm.progress is None:
             return None
         time, own = self.knots.edges[0] + self.knots.times(self.knots.person), self.path_of
         upto, ends = (np.interp(each, *self.arm.progress) for each in (time, self.arm.edges))
-        return self._at(np.clip((upto - ends[own]) / np.diff(ends)[own], 0.0, 1.0), timed=True)
+        positions, _, along, squares = self._along(
+            np.clip((upto - ends[own]) / np.diff(ends)[own], 0.0, 1.0)
+        )
+        share = np.minimum(_ratio(np.full_like(squares, _TIMED**2), squares), 1.0)
+        matrices = share[:, None, None] * along
+        return matrices, np.einsum("kij,kj->ki", matrices, positions)
 
     def nearest(self, positions: Array) -> Reference:
         """Return the points of the paths nearest to positions (knots, n), in order along every
@@ -288,12 +295,23 @@ class Course:
         s[-1] = 1.0
         return self._at(s)
 
-    def _at(self, s: Array, timed: bool = False) -> Reference:
+    def _at(self, s: Array) -> Reference:
         """Return the points at path parameters s (knots,); at a junction the next path begins.
 
-        Deviations along a path hardly count, or less than others if it is `timed`, except where the
-        arm rests and at the ends, beyond which they would lead.
+        Deviations along a path hardly count, but from the person's timing, except where the arm
+        rests and at the ends, beyond which they would lead.
         """
+        positions, metrics, along, _ = self._along(s)
+        weights = metrics - (1.0 - _ALONG) * along
+        if self._timing is not None:
+            matrices, products = self._timing
+            products = products + np.einsum("kij,kj->ki", weights, positions)
+            weights = weights + matrices
+            positions = np.linalg.solve(weights, products[..., None])[..., 0]
+        return Reference(positions, weights)
+
+    def _along(self, s: Array) -> tuple[Array, Array, Array, Array]:
+        """Return points, metrics and their parts along the paths, and squared lengths of tangents."""
         s = s.copy()
         s[self.at[:-1]] = 0.0
         positions, tangents = np.empty((2, s.size, self.arm.robot.dof))
@@ -304,10 +322,8 @@ class Course:
         metrics = self._metrics(positions)
         covectors = np.einsum("kij,kj->ki", metrics, tangents)
         squares = np.einsum("ki,ki->k", covectors, tangents)
-        kept = np.minimum(_ratio(np.full_like(squares, _TIMED**2), squares), 1.0)
-        share = _ratio(1.0 - kept if timed else np.full_like(squares, 1.0 - _ALONG), squares)
-        along = np.einsum("ki,kj,k->kij", covectors, covectors, share)
-        return Reference(positions, metrics - along)
+        shares = _ratio(np.ones_like(squares), squares)
+        return positions, metrics, np.einsum("ki,kj,k->kij", covectors, covectors, shares), squares
 
     def _metrics(self, q: Array) -> Array:
         """Return G(q) + a I relative to its mean diagonal, (k, n, n), at configurations (k, n)."""

@@ -304,7 +304,7 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
         else:
             watched = tightened(found)
         pairs = zip(program.terms, states.arms, strict=True)
-        nearest = [terms.timed or terms.nearest(q) for terms, (q, _, _) in pairs]
+        nearest = [terms.nearest(q) for terms, (q, _, _) in pairs]
         return found, (program, states, nearest, watched, multipliers)
 
     found = in_rounds(first, solve, examine, MOST_ROUNDS)
@@ -372,7 +372,4 @@ def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
     program = replace(coarse, knots=Knots.spaced(edges, durations))
     references = [terms.as_recorded(rest, stops) for terms in program.terms]
     states = through(references, program.knots, more * durations, rest)
-    references = [
-        terms.timed or smooth for terms, smooth in zip(program.terms, references, strict=True)
-    ]
     return program, states, references, watched_at_first(program, states.durations), None

@@ -189,7 +189,7 @@ class RetargetingSettings(ShortRepr):
 
 _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
 BEYOND = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
-_LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
+_LESS = BEYOND  # [m] by which it may come nearer than the capsules on a path
 
 
 def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> Clearance | None:
