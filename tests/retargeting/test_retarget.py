@@ -339,6 +339,7 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
         ({"pose_tolerance": 0.01}, "pose_tolerance must be a distance"),
         ({"pose_tolerance": (0.01, -1.0)}, "pose_tolerance must not be negative"),
         ({"pose_tolerance": (0.01, 5.0)}, "the angle is in rad"),
+        ({"path_tolerance": (0.0, 0.1)}, "path_tolerance must be positive"),
         ({"energy_weight": 0.0}, "energy_weight must be positive"),
         ({"num_starts": 0}, "num_starts must be a positive integer"),
         ({"num_starts": None}, "num_starts must be a positive integer"),

@@ -182,7 +182,7 @@ def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
 
 _SAMPLES = 201  # of a path, to find its nearest point
 _ALONG = 0.02  # of the squared deviation along the path that counts: it is a matter of timing
-# With a known timing, a path counts in this direction as if it were at most this long [rad or m].
+# With a known timing, paths count in this direction as if they were at most this long [rad or m].
 _TIMED = 0.2
 _ISOTROPIC = 0.3  # of the mean inertia, for joints that carry next to none
 _STILL = 1e-9  # [rad or m]: a path that is no longer is a rest
@@ -311,7 +311,7 @@ class Course:
         return Reference(positions, weights)
 
     def _along(self, s: Array) -> tuple[Array, Array, Array, Array]:
-        """Return points, metrics and their parts along the paths, and squared lengths of tangents."""
+        """Return points, metrics and their parts along the paths, and squared speeds along them."""
         s = s.copy()
         s[self.at[:-1]] = 0.0
         positions, tangents = np.empty((2, s.size, self.arm.robot.dof))

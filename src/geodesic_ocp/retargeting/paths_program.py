@@ -30,6 +30,7 @@ from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metrics import metric_of
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.conditions import NodeBounds
 from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.refinement import halved

@@ -390,8 +390,8 @@ class ArmWaypoints(ShortRepr):
         begins, ends: times [s] in the recording at which the m movements begin and end, (m,) each;
             between two movements the arm rests.
         poses: poses of the hand at the start and at the end of each movement, m + 1 of them.
-        hand: rotations (k, 3, 3) and positions (k, 3) [m] of the person's hand, mapped to the robot,
-            after so many movements (k,), such as 0.5 for halfway through the first, by the person's
+        hand: rotations (k, 3, 3) and positions (k, 3) [m] of the person's hand, mapped to the
+            robot, after so many movements (k,): 0.5 is halfway through the first, by the person's
             progress.
         start: configuration (n,) to begin in; None: any with the first pose.
         limits: limits of the joints.
