@@ -206,6 +206,26 @@ def test_slow_joints_take_time_or_another_way(waypoints: ArmWaypoints, found: Pl
     assert np.all(found.longer < 1e-6)
 
 
+def test_hand_stays_nearer_to_the_persons_for_more_energy(
+    waypoints: ArmWaypoints, found: PlannedPaths
+) -> None:
+    """Between the same poses, the person's hand takes a path 10 cm to the side."""
+
+    def hand(numbers: Array) -> tuple[Array, Array]:
+        rotation, position = waypoints.hand(numbers)
+        return rotation, position + 0.1 * np.sin(np.pi * numbers)[:, None] * DIRECTION
+
+    def strays(paths: PlannedPaths) -> float:
+        s = np.linspace(0.0, 1.0, 51)
+        _, own = waypoints.arm.hand_pose(paths.paths[0][0](s))
+        return float(np.linalg.norm(own - hand(s)[1], axis=1).mean())
+
+    near = planned(replace(waypoints, hand=hand, path_tolerance=(0.01, 0.1)))
+    assert near.success
+    assert strays(near) < 0.5 * strays(found)
+    assert near.action > found.action
+
+
 @pytest.mark.slow
 def test_bounds_hold_between_the_nodes(waypoints: ArmWaypoints, found: PlannedPaths) -> None:
     """A shoulder that may be raised a little less than it is without the limit."""

@@ -56,9 +56,9 @@ class RetargetingSettings(ShortRepr):
             person's hand drifts farther becomes a movement. Poses missed by more make the result
             no success.
         exact: attain every pose; as a pose tolerance of zero.
-        path_tolerance: distance [m] and angle [rad] from which on straying of the hand from the
-            person's, between the poses, costs in proportion; the more is saved in energy and time,
-            the farther it strays. Infinite: it counts at the poses alone.
+        path_tolerance: distance [m] and angle [rad] of the hand from the person's, between the
+            poses, within which straying costs little, and beyond which in proportion; larger values
+            save energy and time. Infinite: between the poses the hand is free.
         posture_weight: weight of the joints' mean squared distance from the middle of their ranges
             at the ends of the synergies, in half ranges.
         likeness_weight: weight of the mean squared difference between the elbow's offset from the
