@@ -283,7 +283,7 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
     hand = robot.hand_pose(free.motion.q)[1]
     k = len(hand) * 3 // 4  # while the hand rises
     beside = np.cross(hand[k + 1] - hand[k - 1], hand[-1] - hand[0] + np.array([0.0, 0.0, 1.0]))
-    centre = hand[k] + 0.07 * beside / np.linalg.norm(beside)
+    centre = hand[k] + 0.06 * beside / np.linalg.norm(beside)
     ball, links = go.Ball(tuple(centre), 0.05, name="lamp"), ("right hand",)
     before = [
         min(go.distances.signed_distances(robot, q, [ball], links=links).values())
@@ -355,6 +355,7 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
         ({"pose_tolerance": 0.01}, "pose_tolerance must be a distance"),
         ({"pose_tolerance": (0.01, -1.0)}, "pose_tolerance must not be negative"),
         ({"pose_tolerance": (0.01, 5.0)}, "the angle is in rad"),
+        ({"path_tolerance": (0.0, 0.1)}, "path_tolerance must be positive"),
         ({"energy_weight": 0.0}, "energy_weight must be positive"),
         ({"num_starts": 0}, "num_starts must be a positive integer"),
         ({"num_starts": None}, "num_starts must be a positive integer"),

@@ -32,6 +32,8 @@ class ArmPaths(ShortRepr):
         edges: times (k + 1,) [s] in the recording at which its k paths begin and end.
         paths: k of them; of zero length where the arm rests. Each begins where the one before ends.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
+        progress: times (m,) in the recording [s], and how far the person has come by then (m,), in
+            any unit, increasing: timing that the robot should have on every path; None: any.
     """
 
     robot: Model
@@ -39,6 +41,7 @@ class ArmPaths(ShortRepr):
     edges: Array
     paths: Sequence[Path]
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+    progress: tuple[Array, Array] | None = None
 
     _shown = ("robot", "edges")
 
@@ -179,6 +182,8 @@ def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
 
 _SAMPLES = 201  # of a path, to find its nearest point
 _ALONG = 0.02  # of the squared deviation along the path that counts: it is a matter of timing
+# With a known timing, paths count in this direction as if they were at most this long [rad or m].
+_TIMED = 0.2
 _ISOTROPIC = 0.3  # of the mean inertia, for joints that carry next to none
 _STILL = 1e-9  # [rad or m]: a path that is no longer is a rest
 
@@ -260,6 +265,22 @@ class Course:
         )
         return self._at(np.clip(s, 0.0, 1.0))
 
+    @cached_property
+    def _timing(self) -> tuple[Array, Array] | None:
+        """Matrices (knots, n, n) of the squared distances, along the paths alone, from points as
+        far along every path as the person was, and their products with these points (knots, n).
+        """
+        if self.arm.progress is None:
+            return None
+        time, own = self.knots.edges[0] + self.knots.times(self.knots.person), self.path_of
+        upto, ends = (np.interp(each, *self.arm.progress) for each in (time, self.arm.edges))
+        positions, _, along, squares = self._along(
+            np.clip((upto - ends[own]) / np.diff(ends)[own], 0.0, 1.0)
+        )
+        share = np.minimum(_ratio(np.full_like(squares, _TIMED**2), squares), 1.0)
+        matrices = share[:, None, None] * along
+        return matrices, np.einsum("kij,kj->ki", matrices, positions)
+
     def nearest(self, positions: Array) -> Reference:
         """Return the points of the paths nearest to positions (knots, n), in order along every
         path.
@@ -277,9 +298,20 @@ class Course:
     def _at(self, s: Array) -> Reference:
         """Return the points at path parameters s (knots,); at a junction the next path begins.
 
-        Deviations along a path hardly count, except where the arm rests and at the ends, beyond
-        which they would lead.
+        Deviations along a path hardly count, but from the person's timing, except where the arm
+        rests and at the ends, beyond which they would lead.
         """
+        positions, metrics, along, _ = self._along(s)
+        weights = metrics - (1.0 - _ALONG) * along
+        if self._timing is not None:
+            matrices, products = self._timing
+            products = products + np.einsum("kij,kj->ki", weights, positions)
+            weights = weights + matrices
+            positions = np.linalg.solve(weights, products[..., None])[..., 0]
+        return Reference(positions, weights)
+
+    def _along(self, s: Array) -> tuple[Array, Array, Array, Array]:
+        """Return points, metrics and their parts along the paths, and squared speeds along them."""
         s = s.copy()
         s[self.at[:-1]] = 0.0
         positions, tangents = np.empty((2, s.size, self.arm.robot.dof))
@@ -290,9 +322,8 @@ class Course:
         metrics = self._metrics(positions)
         covectors = np.einsum("kij,kj->ki", metrics, tangents)
         squares = np.einsum("ki,ki->k", covectors, tangents)
-        share = _ratio(np.full_like(squares, 1.0 - _ALONG), squares)
-        along = np.einsum("ki,kj,k->kij", covectors, covectors, share)
-        return Reference(positions, metrics - along)
+        shares = _ratio(np.ones_like(squares), squares)
+        return positions, metrics, np.einsum("ki,kj,k->kij", covectors, covectors, shares), squares
 
     def _metrics(self, q: Array) -> Array:
         """Return G(q) + a I relative to its mean diagonal, (k, n, n), at configurations (k, n)."""

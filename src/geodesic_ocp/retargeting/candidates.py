@@ -187,7 +187,7 @@ _ROUNDS = 3  # of new candidates around those chosen
 _FAR = 0.25  # of the arm's length
 _TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
 AT_REST = 1e-9  # action [J s]
-DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
+DETOUR = 40.0  # weight of the hand's distance from the person's halfway, in the graph
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
@@ -361,11 +361,12 @@ def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
     which the hand turns to either side, one is that of the person.
     """
     rotations, positions = waypoints.arm.hand_pose(middle)
-    pose, total = waypoints.between[number], np.zeros(len(middle))
-    if pose.rotation is not None:
-        cosines = (np.einsum("ij,kij->k", pose.rotation, rotations) - 1.0) / 2.0
+    rotation, position = (each[0] for each in waypoints.hand(np.array([number + 0.5])))
+    total = np.zeros(len(middle))
+    if 3 in waypoints.rows:
+        cosines = (np.einsum("ij,kij->k", rotation, rotations) - 1.0) / 2.0
         total += np.arccos(np.clip(cosines, -1.0, 1.0)) ** 2
-    if pose.position is not None:
+    if 0 in waypoints.rows:
         unit = _FAR * waypoints.alignment.length
-        total += np.sum((positions - pose.position) ** 2, axis=1) / unit**2
+        total += np.sum((positions - position) ** 2, axis=1) / unit**2
     return np.asarray(total / waypoints.count)

@@ -2,7 +2,8 @@
 
 Minimized is the action of all paths, sum_k (energy of path k) / (its duration), which is the
 integral of the kinetic energy at constant speeds, plus the time that the joints' speed limits add,
-plus terms of posture and likeness (`ObjectiveWeights`). Variables are the positions at the nodes of
+plus terms of posture and likeness (`ObjectiveWeights`), and of the hand's distance from the
+person's between the poses. Variables are the positions at the nodes of
 all paths, so that the configurations where they meet are shared, and the relative time added to
 each interval between two instants at which a movement of any arm begins or ends. The hand's poses
 at the waypoints are equalities, or squared errors where they are out of reach; joint limits are
@@ -29,6 +30,7 @@ from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metrics import metric_of
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.conditions import NodeBounds
 from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.refinement import halved
@@ -146,7 +148,8 @@ class ArmPart:
         return NodeBounds.on_grid(self.definition.conditions, self.grid)
 
     def blocks(self, first: int, weights: ObjectiveWeights) -> list[Block]:
-        """Return energy and conditions along the paths, poses and postures at the waypoints.
+        """Return energy, conditions and the hand's way along the paths, poses and postures at the
+        waypoints.
 
         Args:
             first: index of the first of the arm's variables.
@@ -164,7 +167,23 @@ class ArmPart:
             )
             found.append(replace(block, lower=lower, upper=upper))
             row = here.stop
-        return [*found, self.waypoint_block(first, weights)]
+        return [*found, self.hand_block(first), self.waypoint_block(first, weights)]
+
+    def hand_block(self, first: int) -> Block:
+        """Return costs of the hand's distance and angle from the person's at the nodes, whose sum
+        is a mean along the paths.
+        """
+        given, grid = self.waypoints, self.grid
+        edges = grid.breakpoints[[0, *self.last_segments]]
+        rotations, positions = given.hand(np.interp(grid.nodes, edges, np.arange(edges.size)))
+        counted = [0 in given.rows, 3 in given.rows]
+        units = np.where(counted, 1.0 / np.array(given.path_tolerance), 0.0)
+        columns = rotations.transpose(0, 2, 1).reshape(grid.size, 9)
+        values = np.hstack([positions, columns, np.tile(units, (grid.size, 1))])
+        shares = np.append(grid.weights[:, :-1].ravel(), 0.0)
+        shares[grid.degree :: grid.degree] += grid.weights[:, -1]
+        places = first + self.dof * np.arange(grid.size)[:, None] + np.arange(self.dof)
+        return Block(_off_the_hand(given.arm), places, values, weights=_HAND * shares)
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
         """Return poses and postures at the waypoints.
@@ -388,6 +407,29 @@ class MotionProgram:
         pairs = zip(self.parts, self.offsets, strict=False)
         nodes = [x[at : at + part.size].reshape(-1, part.dof) for part, at in pairs]
         return nodes, np.maximum(x[self.offsets[-2] : self.offsets[-1]], 0.0)
+
+
+_HAND = 0.3  # weight of the hand's distance or angle from the person's, in units of the tolerance
+
+
+@lru_cache(maxsize=16)
+def _off_the_hand(arm: Model) -> Terms:
+    """Return a cost of the hand's distance x and angle y from the person's, in units of the
+    tolerance.
+
+    sqrt(1 + x^2) - 1 + sqrt(1 + y^2) - 1: squares nearby and proportional far off, so that a detour
+    that cannot be avoided does not become slow.
+    """
+    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", 14)
+    position, rotation, units = ca.vertsplit(p, [0, 3, 12, 14])
+    hand_rotation, hand_position = arm.hand_pose(q)
+    # |R - R'|^2 / 2 = 2 (1 - cos y), nearly y^2
+    squares = (
+        ca.sumsqr(hand_position - position),
+        ca.sumsqr(ca.vec(hand_rotation) - rotation) / 2.0,
+    )
+    roots = (ca.sqrt(1.0 + units[k] ** 2 * each) - 1.0 for k, each in enumerate(squares))
+    return Terms(q, p, sum(roots))
 
 
 @lru_cache(maxsize=1)

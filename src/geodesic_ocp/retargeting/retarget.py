@@ -340,7 +340,8 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
         )
     torque = np.maximum(share * limit, np.minimum(limit, _MOVING * needed))
     torque = np.where(needed > limit, np.inf, torque)
-    return ArmPaths(robot, replace(pair.limits, torque=torque), pair.edges, paths, pair.gravity)
+    limits = replace(pair.limits, torque=torque)
+    return ArmPaths(robot, limits, pair.edges, paths, pair.gravity, pair.progress)
 
 
 def _checked_list(name: str, given: Any, kind: type) -> list[Any]:

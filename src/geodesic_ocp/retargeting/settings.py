@@ -56,6 +56,9 @@ class RetargetingSettings(ShortRepr):
             person's hand drifts farther becomes a movement. Poses missed by more make the result
             no success.
         exact: attain every pose; as a pose tolerance of zero.
+        path_tolerance: distance [m] and angle [rad] of the hand from the person's, between the
+            poses, within which straying costs little, and beyond which in proportion; larger values
+            save energy and time. Infinite: between the poses the hand is free.
         posture_weight: weight of the joints' mean squared distance from the middle of their ranges
             at the ends of the synergies, in half ranges.
         likeness_weight: weight of the mean squared difference between the elbow's offset from the
@@ -101,6 +104,7 @@ class RetargetingSettings(ShortRepr):
     deviation_weight: float = 3.0
     pose_tolerance: tuple[float, float] = (0.01, 0.087)
     exact: bool = False
+    path_tolerance: tuple[float, float] = (0.03, 0.1)
     posture_weight: float = 0.0
     likeness_weight: float = 30.0
     position_weight: float = 1.0
@@ -132,11 +136,12 @@ class RetargetingSettings(ShortRepr):
             value = getattr(self, name)
             if value is not None and as_number(name, value) < 0.0:
                 raise ValueError(f"{name} must be zero or above, got {value:g}")
-        if np.shape(self.pose_tolerance) != (2,):
-            raise ValueError(
-                f"pose_tolerance must be a distance [m] and an angle [rad], got "
-                f"{self.pose_tolerance!r}"
-            )
+        for name in ("pose_tolerance", "path_tolerance"):
+            if np.shape(given := getattr(self, name)) != (2,):
+                raise ValueError(f"{name} must be a distance [m] and an angle [rad], got {given!r}")
+        for value, unit in zip(self.path_tolerance, ("m", "rad"), strict=True):
+            if value != np.inf:
+                as_positive("path_tolerance", value, unit)
         for value, unit in zip(self.pose_tolerance, ("m", "rad"), strict=True):
             as_not_negative("pose_tolerance", value, unit)
         if self.pose_tolerance[1] > np.pi:
@@ -197,7 +202,7 @@ class RetargetingSettings(ShortRepr):
 
 _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
 BEYOND = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
-_LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
+_LESS = BEYOND  # [m] by which it may come nearer than the capsules on a path
 
 
 def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> Clearance | None:

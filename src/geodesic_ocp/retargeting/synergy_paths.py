@@ -42,7 +42,7 @@ _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
 _LACKING = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
 _ROUNDS, _MOST_SEGMENTS = 12, 400
-_RESOLVED = 1e-5  # of the energy
+_RESOLVED = 1e-4  # of the energy
 # With distances, which are kept at instants and make corners; and the number of grids on which it
 # also counts how well the paths are resolved.
 _RESOLVED_APART, _ROUNDS_APART = 1e-3, 3

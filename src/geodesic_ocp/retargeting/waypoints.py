@@ -7,13 +7,15 @@ the length of the arm. It turns with the swivel angle (Tolani, Goswami, Badler, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Terms
@@ -33,6 +35,7 @@ from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, moving
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import pose_differences
+from geodesic_ocp.synergies.segment import speeds
 
 _GRAVITY = 9.81  # [m/s^2]
 NO_COLLISIONS = CollisionAvoidance()
@@ -41,6 +44,7 @@ MISSED = 1e-4  # [m] and [rad], error beyond what is allowed from which a pose c
 # How near inverse kinematics comes to the configuration it starts from [rad or m].
 _SETTLED = 1e-2
 _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
+_STEADY = 1e-3  # of the person's progress, which goes on in pauses
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -265,6 +269,16 @@ class PairedArm(ShortRepr):
         infinite = np.full(self.robot.dof, np.inf)
         return self.robot.with_limits(-infinite, infinite)
 
+    @cached_property
+    def progress(self) -> tuple[Array, Array]:
+        """Times of the recording (k,) [s], and which fraction of its length the person's path has
+        by then (k,).
+        """
+        motion = self.analysis.motion
+        upto = cumulative_trapezoid(speeds(self.analysis.metric, motion), motion.time, initial=0.0)
+        steady = np.linspace(0.0, _STEADY, upto.size)
+        return motion.time, upto / max(upto[-1], _STEADY) + steady
+
     @property
     def key_samples(self) -> list[int]:
         """Samples of the recording whose hand poses are attained: the first, and ends of groups."""
@@ -388,7 +402,9 @@ class ArmWaypoints(ShortRepr):
         begins, ends: times [s] in the recording at which the m movements begin and end, (m,) each;
             between two movements the arm rests.
         poses: poses of the hand at the start and at the end of each movement, m + 1 of them.
-        between: poses of the person's hand, mapped to the robot, halfway through each movement.
+        hand: rotations (k, 3, 3) and positions (k, 3) [m] of the person's hand, mapped to the
+            robot, after so many movements (k,): 0.5 is halfway through the first, by the person's
+            progress.
         start: configuration (n,) to begin in; None: any with the first pose.
         limits: limits of the joints.
         offsets: offsets of the person's elbow at the waypoints (m + 1, 3), see `elbow_offset`;
@@ -396,6 +412,7 @@ class ArmWaypoints(ShortRepr):
         allowed: distance [m] and angle [rad] by which each pose may be missed, m + 1 of them;
             empty: not at all.
         weights: weights of position and orientation errors [1/m], [1/rad], for poses out of reach.
+        path_tolerance: see `RetargetingSettings`.
     """
 
     arm: Model
@@ -404,12 +421,13 @@ class ArmWaypoints(ShortRepr):
     begins: Array
     ends: Array
     poses: tuple[Pose, ...]
-    between: tuple[Pose, ...]
+    hand: Callable[[Array], tuple[Array, Array]]
     start: Array | None
     limits: JointLimits
     offsets: Array | None
     allowed: tuple[tuple[float, float], ...] = ()
     weights: tuple[float, float] = (1.0, 1.0)
+    path_tolerance: tuple[float, float] = (np.inf, np.inf)
     _shown = ("arm", "limited", "count")
 
     @property
@@ -495,7 +513,13 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
     ends = motion.time[samples[1:]]
     if not moving:  # it stays at the first pose, planned as a path without length
         begins, ends, samples = pair.edges[:1], pair.edges[-1:], samples * 2
-    between = mapping(motion((begins + ends) / 2.0))
+    begun, ended = (np.interp(times, *pair.progress) for times in (begins, ends))
+
+    def hand(numbers: Array) -> tuple[Array, Array]:
+        which = np.minimum(numbers.astype(int), begun.size - 1)
+        upto = begun[which] + (numbers - which) * (ended - begun)[which]
+        return mapping(motion(np.interp(upto, *pair.progress[::-1])))
+
     offsets = None
     if has_elbow(mapping.model, mapping.source):
         offsets = mapping.elbow_offsets(motion.q[samples])
@@ -507,10 +531,11 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         begins=begins,
         ends=ends,
         poses=tuple(pair.target(sample) for sample in samples),
-        between=tuple(pair.as_pose(*each) for each in zip(*between, strict=True)),
+        hand=hand,
         start=pair.start,
         limits=pair.limits,
         offsets=offsets,
         allowed=tuple(pair.allowed_miss(sample) for sample in samples),
         weights=settings.pose_weights,
+        path_tolerance=settings.path_tolerance,
     )
