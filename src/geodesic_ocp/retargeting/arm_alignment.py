@@ -232,6 +232,7 @@ _TURNED = ((-1, 0, 0), (0, -1, 0), (0, 0, 1))
 
 # Robot, number of the joint at its shoulder, hand, and side of the arm. The hands of Talos have z
 # back to the wrist, at zero as a person's.
+_G1: _Axes = ((0, 0, 1), (-1, 0, 0), (0, -1, 0))  # x out, the thumb along z
 _HUMANOIDS: tuple[tuple[str, int, _Axes, Side], ...] = (
     ("talos", 2, ((0, -1, 0), (-1, 0, 0), (0, 0, -1)), "left"),
     ("talos", 2, ((0, 1, 0), (1, 0, 0), (0, 0, -1)), "right"),
@@ -250,6 +251,13 @@ _KNOWN = {
             *(_FORWARD, hand, side, f"arm_{side}_4_joint", f"arm_{side}_6_joint"),
         )
         for robot, first, hand, side in _HUMANOIDS
+    },
+    **{
+        f"g1-{side}-arm": _Known(
+            f"{side}_shoulder_pitch_joint",
+            *(_FORWARD, _G1, side, f"{side}_elbow_joint", f"{side}_wrist_pitch_joint"),
+        )
+        for side in get_args(Side)
     },
     # The palms face -x, the thumbs point to y (left) and to -y (right).
     "armar6-left": _Known(
@@ -350,9 +358,6 @@ def proposal(robot: Model, side: Side | None = None) -> tuple[Alignment, tuple[s
     return aligned, (reason, base_reason, *hand_reasons)
 
 
-_HUMAN: dict[str, Side] = {"human right arm": "right", "human left arm": "left"}
-
-
 def align(robot: Model, **changes: Any) -> Alignment:
     """Return the default alignment of a robot or of a person's arm, with some fields changed.
 
@@ -393,22 +398,42 @@ def align(robot: Model, **changes: Any) -> Alignment:
 
 def known_alignment(robot: Model) -> Alignment | None:
     """Return the alignment of a known robot or of a person's arm, by the name of the model."""
+    if (person := _of_person(robot)) is not None:
+        return person
     name, _, _ = robot.name.partition(" with ")  # a payload
+    if name in ROBOTS:  # of a body, the arm whose hand it is
+        arms = [arm for arm in ROBOTS[name].arms if ROBOTS[arm].hand == robot.hand]
+        name = arms[0] if arms else name
     known = _KNOWN.get(name)
-    if name in _HUMAN:
-        side, axes = _HUMAN[name], np.eye(3)
-        joints = (f"{side[0].upper()}{each}_joint" for each in ("Ex", "Wx"))
-        return Alignment(np.zeros(3), axes, axes, robot.reach, side, *joints)
     if known is None:
         return None
     usual = ROBOTS[name]
-    if not all(robot.pin.existFrame(each) for each in (known.joint, usual.hand, usual.base)):
+    if not all(robot.pin.existFrame(str(each)) for each in (known.joint, usual.hand, usual.base)):
         return None
     home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
     base, hand = (np.array(columns, dtype=float).T for columns in (known.base, known.hand))
     # The model may have been loaded with another base, or another hand.
-    base = robot.frame_pose(usual.base, home)[0] @ base
+    base = robot.frame_pose(str(usual.base), home)[0] @ base
     hand = hand @ robot.frame_pose(usual.hand, home)[0].T @ robot.hand_pose(home)[0]
     _, shoulder = robot.frame_pose(known.joint, home)
     length = arm_length(robot, known.joint)
     return Alignment(shoulder, base, hand, length, known.side, known.elbow, known.wrist)
+
+
+_HUMAN = re.compile(r"human (upper body|(right|left) arm)")
+
+
+def _of_person(model: Model) -> Alignment | None:
+    """Return the alignment of a person's arm, alone, of both arms, or of an upper body; by the
+    names of the model and of the joints before the hand.
+    """
+    if not _HUMAN.match(model.name):
+        return None
+    chain = [str(model.pin.names[each]) for each in model.pin.supports[model.joint_of(model.hand)]]
+    axes, home = np.eye(3), np.zeros(model.dof)
+    for side in get_args(Side):
+        joints = [f"{side[0].upper()}{each}_joint" for each in ("Sx", "Ex", "Wx")]
+        if set(joints) <= set(chain):
+            shoulder = model.frame_pose(joints[0], home)[1]
+            return Alignment(shoulder, axes, axes, arm_length(model, joints[0]), side, *joints[1:])
+    return None

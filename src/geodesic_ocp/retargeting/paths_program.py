@@ -180,12 +180,13 @@ class ArmPart:
         free = self.missed > 0.0
         free[0] |= given.start is not None
         upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
-        lower, squares = np.full((count, len(given.rows) + 2), -np.inf), np.full((count, 2), np.inf)
-        lower[:, :-2] = -upper
+        hands = len(given.hands)
+        lower = np.full((count, len(given.rows) + 2 * hands), -np.inf)
+        squares = np.full((count, 2 * hands), np.inf)
+        lower[:, : -2 * hands] = -upper
         for k in np.flatnonzero(self.allowed).tolist():
-            squares[k] = np.where(
-                [0 in given.rows, 3 in given.rows], np.square(given.allowed[k]), np.inf
-            )
+            own = np.where([0 in given.rows, 3 in given.rows], np.square(given.allowed[k]), np.inf)
+            squares[k] = np.tile(own, hands)
         share = np.full(count, 1.0 / count)
         return Block(given.terms, places, np.array(rows), lower, np.hstack([upper, squares]), share)
 

@@ -241,7 +241,7 @@ class _BaseSearch:
             mapping = _mapped(pair, alignment)
             poses = mapping(pair.analysis.motion.q)
             found.append(
-                arm_waypoints(replace(pair, mapping=mapping, target_poses=poses), _TOLERANCE)
+                arm_waypoints(replace(pair, mappings=(mapping,), target_poses=poses), _TOLERANCE)
             )
         return tuple(found)
 

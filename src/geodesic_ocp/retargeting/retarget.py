@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
@@ -17,6 +17,7 @@ from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits, checked_limits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
@@ -57,8 +58,8 @@ def retarget(
     analysis: Analysis,
     robot: Model,
     *,
-    alignment: Alignment | None = None,
-    person_alignment: Alignment | None = None,
+    alignment: Alignment | Sequence[Alignment] | None = None,
+    person_alignment: Alignment | Sequence[Alignment] | None = None,
     start: ArrayLike | None = None,
     limits: JointLimits | None = None,
     rate: float = _RATE,
@@ -77,11 +78,17 @@ def retarget(
     continuous accelerations, meets the limits of the joints, and takes more time than the person
     only where these require it (`plan_trajectory`).
 
+    A robot with several hands (`Model.hands`), such as a humanoid's waist with both arms, takes
+    over the motion of a person's model with several (`human_upper_body`, or `combine` of two arms):
+    the poses of both hands at the ends of the synergies are conditions of one program, in which the
+    arms share the waist. It turns as the person's thorax does, or stays upright if the recording
+    has no trunk, up to `RetargetingSettings.likeness_weight` against energy and poses.
+
     Args:
         analysis: analysis of the person's motion (`analyse`).
-        robot: the arm.
-        alignment: alignment of the robot's shoulder and hand with the person's; None: that of the
-            known robot (`go.retargeting.align`).
+        robot: the arm, or a body with several hands.
+        alignment: alignment of the robot's shoulder and hand with the person's, or one for each of
+            several hands; None: that of the known robot (`go.retargeting.align`).
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -131,8 +138,8 @@ def retarget_arms(
     analyses: Sequence[Analysis],
     robots: Sequence[Model],
     *,
-    alignments: Sequence[Alignment | None] | None = None,
-    person_alignments: Sequence[Alignment | None] | None = None,
+    alignments: Sequence[Alignment | Sequence[Alignment] | None] | None = None,
+    person_alignments: Sequence[Alignment | Sequence[Alignment] | None] | None = None,
     starts: Sequence[ArrayLike | None] | None = None,
     limits: Sequence[JointLimits | None] | None = None,
     rate: float = _RATE,
@@ -166,10 +173,11 @@ def retarget_arms(
     pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
+    bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first of each
     if settings.constrained:
-        arms = [arm_waypoints(pair, tolerance) for pair in pairs]
+        arms = [arm_waypoints(pair, tolerance) for pair in bodies]
         candidates = [tuple(first_candidates(arm)) for arm in arms]
-        far = [unattained(*each) for each in zip(pairs, arms, candidates, strict=True)]
+        far = [unattained(pair, candidates[pair.body]) for pair in pairs]
         _warn_out_of_reach(pairs, far)
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
@@ -177,10 +185,11 @@ def retarget_arms(
         found: Any = solve(motion, throw=throw)
         paths = found
         transfers = [
-            transfers_on(pair, found, number, each)
-            for number, (pair, each) in enumerate(zip(pairs, far, strict=True))
+            transfers_on(pair, found, each) for pair, each in zip(pairs, far, strict=True)
         ]
     else:
+        if len(bodies) < len(pairs):
+            raise ValueError("the formulation 'geodesic' is of one hand; use 'constrained'")
         free = [free_ends(pair) for pair in pairs]
         far = [each[2] for each in free]
         _warn_out_of_reach(pairs, far)
@@ -188,10 +197,11 @@ def retarget_arms(
             free_geodesics(pair, begin, ends, throw, report)
             for pair, (begin, ends, _) in zip(pairs, free, strict=True)
         ]
-    planned = _in_time(pairs, transfers, paths, clearance, throw, report)
+    of_bodies = [transfers[pairs.index(pair)] for pair in bodies]
+    planned = _in_time(bodies, of_bodies, paths, clearance, throw, report)
     retargeted = tuple(
-        RetargetedArm.retargeted(*each, planned, number, rate)
-        for number, each in enumerate(zip(pairs, transfers, far, strict=True))
+        RetargetedArm.retargeted(*each, planned, rate)
+        for each in zip(pairs, transfers, far, strict=True)
     )
     report("done", len(pairs), len(pairs))
     seconds = time.perf_counter() - begin
@@ -209,7 +219,7 @@ def paired_arms(
     starts: Any,
     settings: RetargetingSettings,
 ) -> list[PairedArm]:
-    """Return persons' arms and robots, from the arguments of `retarget_arms`."""
+    """Return persons' arms and robots, from the arguments of `retarget_arms`; one for each hand."""
     analyses = _checked_list("analyses", analyses, Analysis)
     robots = _checked_list("robots", robots, Model)
     if len(analyses) != len(robots):
@@ -218,21 +228,60 @@ def paired_arms(
         raise ValueError("analyses: all arms must be of one recording, sample by sample")
     if not isinstance(settings, RetargetingSettings):
         raise ValueError(f"settings must be RetargetingSettings, got {settings!r}")
-    targets = _alignments("alignments", alignments, robots)
-    sources = _alignments("person_alignments", person_alignments, [a.model for a in analyses])
+    people = [analysis.model for analysis in analyses]
+    hands = [_hands_of(*each) for each in zip(people, robots, strict=True)]
+    targets = _alignments("alignments", alignments, robots, [each for _, each in hands])
+    sources = _alignments("person_alignments", person_alignments, people, [h for h, _ in hands])
     given = (_one_each(*each, len(robots)) for each in (("limits", limits), ("starts", starts)))
-    pairs = []
-    for analysis, robot, source, target, limit, start in zip(
-        analyses, robots, sources, targets, *given, strict=True
+    pairs = list[PairedArm]()
+    for body, (analysis, robot, source, target, limit, start) in enumerate(
+        zip(analyses, robots, sources, targets, *given, strict=True)
     ):
         heavier = _heavier(robot) if settings.rotor_inertia else robot
-        mapping = PoseMapping.between(analysis.model, source, target, settings)
-        bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
+        matched = _matched(source, target, settings.mirror)
+        mappings = tuple(
+            PoseMapping.between(analysis.model.with_hand(hand), *each, settings)
+            for hand, *each in zip(*matched, target.values(), strict=True)
+        )
+        bound, poses = _limits(heavier, limit, settings), mappings[0](analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)
-        pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
+        own = heavier.with_hand(next(iter(target))) if len(mappings) > 1 else heavier
+        given_pair = analysis, own, mappings, bound, settings, groups, begin, poses, body
+        pairs += PairedArm(*given_pair).of_hands
     pairs = scaled_to_fit(pairs) if settings.scale == "fit" else pairs
     return [pair.without_drifts() for pair in pairs]
+
+
+def _hands_of(person: Model, robot: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the hands of a person and of a robot that correspond: one each, or all.
+
+    Raises:
+        ValueError: a robot with several hands, and a person with another number.
+    """
+    if len(robot.hands) == 1:
+        return (person.hand,), (robot.hand,)
+    if len(person.hands) != len(robot.hands):
+        raise ValueError(
+            f"{robot.name!r} has the hands {', '.join(robot.hands)}, and {person.name!r} "
+            f"{', '.join(person.hands)}: analyse as many, or load the robot with one hand"
+        )
+    return person.hands, robot.hands
+
+
+def _matched(
+    sources: Mapping[str, Alignment], targets: Mapping[str, Alignment], mirror: bool | None
+) -> tuple[list[str], list[Alignment]]:
+    """Return the person's hand for each of the robot's, that of the same side, and its alignment;
+    in the order of the hands where sides are not known.
+    """
+    by_side = {each.side: hand for hand, each in sources.items()}
+    other: dict[Side | None, Side] = {"right": "left", "left": "right"}
+    sides = [other.get(each.side) if mirror else each.side for each in targets.values()]
+    hands = list(sources)
+    if len(hands) > 1 and set(sides) == set(by_side) == set(other):
+        hands = [by_side[side] for side in sides]
+    return hands, [sources[hand] for hand in hands]
 
 
 @lru_cache(maxsize=16)
@@ -327,14 +376,27 @@ def _one_each(name: str, given: Any, count: int) -> list[Any]:
     return list(given)
 
 
-def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignment]:
-    """Return one for each model, by default the model's own."""
-    found = _one_each(name, given, len(models))
-    for k, (model, each) in enumerate(zip(models, found, strict=True)):
-        if each is not None and not isinstance(each, Alignment):
-            raise ValueError(f"{name} must be of Alignment, got {each!r}")
-        found[k] = align(model) if each is None else each
-        check_joints(found[k], model)
+def _alignments(
+    name: str, given: Any, models: Sequence[Model], hands: Sequence[Sequence[str]]
+) -> list[dict[str, Alignment]]:
+    """Return for each model the alignments of its hands, by default its own."""
+    found = []
+    for model, own, each in zip(models, hands, _one_each(name, given, len(models)), strict=True):
+        several = each if isinstance(each, (list, tuple)) else [each] if len(own) == 1 else None
+        if several is None and each is None:
+            several = [None] * len(own)
+        if several is None or len(several) != len(own):
+            raise ValueError(
+                f"{name} of {model.name!r} must be one for each of its hands {', '.join(own)}, got "
+                f"{each!r}"
+            )
+        aligned = {}
+        for hand, one in zip(own, several, strict=True):
+            if one is not None and not isinstance(one, Alignment):
+                raise ValueError(f"{name} must be of Alignment, got {one!r}")
+            aligned[hand] = align(model.with_hand(hand)) if one is None else one
+            check_joints(aligned[hand], model)
+        found.append(aligned)
     return found
 
 
@@ -344,7 +406,7 @@ def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) ->
         missed = {number: error for number, error in poses.items() if pair.is_missed(error)}
         for number, (distance, angle) in missed.items():
             which = "the first pose" if number == 0 else f"the end of synergy {number}"
-            lines.append(f"{which} of {pair.robot.name}: {distance:.3g} m and {angle:.3g} rad")
+            lines.append(f"{which} of {pair.name}: {distance:.3g} m and {angle:.3g} rad")
         if missed:
             advice.append(_mounting_advice(pair))
     if lines:
