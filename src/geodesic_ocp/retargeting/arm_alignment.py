@@ -254,7 +254,7 @@ _KNOWN = {
     },
     **{
         f"g1-{side}-arm": _Known(
-            f"{side}_shoulder_pitch_joint",
+            f"{side}_shoulder_yaw_joint",
             *(_FORWARD, _G1, side, f"{side}_elbow_joint", f"{side}_wrist_pitch_joint"),
         )
         for side in get_args(Side)

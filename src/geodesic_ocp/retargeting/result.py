@@ -310,6 +310,24 @@ class Retargeting:
             save_synergies(made / name, arm.synergies, arm.robot.joint_names, arm.robot)
 
 
+def waist_motion(arm: RetargetedArm) -> str:
+    """Return a sentence on how far the joints that all hands of a body share move, beside those of
+    the person's trunk.
+    """
+    names = arm.robot.shared_joints
+    columns = [arm.robot.joint_names.index(name) for name in names]
+    found = [
+        f"{name} {np.ptp(arm.trajectory.positions[:, column]):.2g} {arm.robot.units[column]}"
+        for name, column in zip(names, columns, strict=True)
+    ]
+    turns = arm.mapping.waist_turns(arm.analysis.motion.q)
+    thorax = float(np.linalg.norm(rotation_vector(turns), axis=1).max())
+    person = f"the person's thorax turns by up to {thorax:.2g} rad"
+    if not arm.analysis.model.shared_joints:
+        person = "the recording has no trunk, so that it is to stay upright"
+    return f"the waist of {arm.robot.name} moves, as both arms share it: {', '.join(found)}; {person}"
+
+
 def _span(indices: tuple[int, ...]) -> str:
     """Return numbers, from 1, of indices as text: "3", "3-5", "3, 5", or "-" for none."""
     parts = []
