@@ -51,7 +51,7 @@ _FAULTS = 3  # of the trajectory that are printed
 _REPORT = "report.html"
 _ALIGNMENT = "alignment.json"
 Mount: TypeAlias = Literal["auto"]
-_Arm: TypeAlias = tuple[Model, Alignment | list[Alignment]]
+_Arm: TypeAlias = tuple[Model, list[Alignment]]  # one for each hand
 
 
 def retarget(
@@ -112,8 +112,8 @@ def retarget(
         raise ValueError("--mount: for one arm; those of one robot cannot be moved apart")
     given = hand or (), base or (), alignment or ()
     is_body = side == "both" and len(robot) == 1
-    sides = [side] if is_body else each_side(side)
-    arms = [_body(*robot, *given)] if is_body else _arms(robot, sides, *given)
+    sides: list[Sides] = [side] if is_body else [*each_side(side)]
+    arms = [_body(robot[0], *given)] if is_body else _arms(robot, each_side(side), *given)
     bodies = tuple(map(as_obstacle, obstacle or ()))
     retargeting = replace(retargeting, obstacles=bodies)
     analyses = []
@@ -159,16 +159,16 @@ def demo(
     )
 
 
-def _body(
-    name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]
-) -> _Arm:
+def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]) -> _Arm:
     """Return a robot with both arms, and the alignments of its hands.
 
     Raises:
         ValueError: it has one hand, or another number of alignments.
     """
-    if hands and len(hands) != 2 or len(bases) > 1:
-        raise ValueError("--side both of one --robot: --hand twice, right and left, and --base once")
+    if (hands and len(hands) != 2) or len(bases) > 1:
+        raise ValueError(
+            "--side both of one --robot: --hand twice, right and left, and --base once"
+        )
     if not hands and name in ROBOTS and not ROBOTS[name].arms:
         raise ValueError(
             f"--robot: two robots, of the right and of the left arm, or a body with both such as "
@@ -209,7 +209,7 @@ def _arms(
             if hand is None and name in _bodies():
                 name = ROBOTS[name].arms[side == "left"]
             robot = load_model(name, hand=hand, base=base)
-            arms.append((robot, align(robot) if file is None else read_alignment(file)))
+            arms.append((robot, [align(robot) if file is None else read_alignment(file)]))
     return arms
 
 
@@ -229,8 +229,9 @@ def _transfer(
     alignments = [aligned for _, aligned in arms]
     if mount:
         given = robots[0], analyses
-        placed = place_base(*given, alignment=alignments[0], limits=joints[0], settings=settings)
-        alignments = [placed.alignment]
+        (aligned,) = alignments[0]
+        placed = place_base(*given, alignment=aligned, limits=joints[0], settings=settings)
+        alignments = [[placed.alignment]]
         print(f"{robots[0].name}: {placed}\n")
     with progress() as bar:
         result = retarget_arms(
@@ -247,7 +248,7 @@ def _transfer(
         print()
         print_written(result.save(out))
         if mount:
-            print_written([alignments[0].save(out / _ALIGNMENT, (str(placed),))])
+            print_written([placed.alignment.save(out / _ALIGNMENT, (str(placed),))])
         if with_report:
             print_written([write_report(result, out / _REPORT)])
         else:

@@ -172,9 +172,10 @@ class ArmTerms(Course):
         return units, shares[:, limited], make(self.arm.robot, tuple(limited.tolist()))
 
     def hand_speeds(self, knots: Indices, shares: Array) -> Block:
-        """Return squared speeds of the hand at some of the knots, within shares (k, 1) of the
+        """Return squared speeds of the hands at some of the knots, within shares (k, 1) of the
         limit.
         """
+        shares = np.repeat(shares, len(self.arm.robot.hands), axis=1)
         units = np.tile([*self.units[1], self.arm.limits.hand_speed], (knots.size, 1))
         columns = self.indices(knots, 2)
         none = np.full(shares.shape, -np.inf)
@@ -246,7 +247,8 @@ def _hand_speed(robot: Model) -> Terms:
     n = robot.dof
     z, p = ca.SX.sym("z", 2 * n), ca.SX.sym("p", n + 1)
     q, v = ca.vertsplit(z, n)
-    return Terms(z, p, 0.0, ca.sumsqr(hand_velocity(robot)(q, v * p[:n]) / p[-1]))
+    speeds = ca.vertsplit(hand_velocity(robot)(q, v * p[:n]) / p[-1], 3)
+    return Terms(z, p, 0.0, ca.vertcat(*map(ca.sumsqr, speeds)))
 
 
 @lru_cache(maxsize=16)

@@ -347,9 +347,8 @@ class PoseSearch:
         is_held = np.tile([*(np.arange(3) >= num_free), True, True, True], count)[rows]
         blocks = [np.eye(3)] * count
         if rotation is not None:
-            given = np.asarray(rotation)
-            given = np.vsplit(given, count) if len(hands) > 1 else [given]
-            blocks = [as_rotation("rotation", each) for each in given]
+            several = np.vsplit(np.asarray(rotation), count) if hands else [rotation]
+            blocks = [as_rotation("rotation", each) for each in several]
         return cls(
             model,
             near,
@@ -474,9 +473,7 @@ class PoseSearch:
 
 
 @lru_cache(maxsize=32)
-def _pose_errors(
-    model: Model, rows: tuple[int, ...], hands: tuple[str, ...] = ()
-) -> ca.Function:
+def _pose_errors(model: Model, rows: tuple[int, ...], hands: tuple[str, ...] = ()) -> ca.Function:
     """Return the pose errors (q, p) -> e; p: near, position, rotation, axes, stay, weights."""
     n, named = model.dof, hands or (model.hand,)
     edges = np.cumsum([0, 3 * len(named), 9 * len(named), 9]).tolist()
@@ -504,7 +501,8 @@ def stacked_error(
         hand_rotation, hand_position = model.frame_pose(hand, q)
         errors.append(axes.T @ (hand_position - position[own]))
         errors.append(rotation_log(rotation[own, :].T @ hand_rotation))
-    return ca.vertcat(*errors)
+    stacked: ca.SX = ca.vertcat(*errors)
+    return stacked
 
 
 @lru_cache(maxsize=32)

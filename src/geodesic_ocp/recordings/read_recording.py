@@ -256,7 +256,11 @@ def _arm_of(
     armature: float,
     has_trunk: bool = True,
 ) -> Model:
-    """Return the arm of the person, or both with the trunk if it is known; ValueError for a height or mass that no person has."""
+    """Return the arm of the person, or both, with the trunk if it is known.
+
+    Raises:
+        ValueError: a height or mass that no person has.
+    """
     stature = stature_of(subject, height, mass)
     try:
         as_stature(*stature)

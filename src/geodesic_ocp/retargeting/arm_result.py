@@ -96,9 +96,7 @@ def unattained(pair: PairedArm, layers: Sequence[Candidates]) -> PoseErrors:
     return found
 
 
-def transfers_on(
-    pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors
-) -> list[Transfer]:
+def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors) -> list[Transfer]:
     """Return the transfers of an arm, or of one hand of a body, from the program over all
     synergies.
     """

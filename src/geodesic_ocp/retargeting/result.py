@@ -324,8 +324,8 @@ def waist_motion(arm: RetargetedArm) -> str:
     thorax = float(np.linalg.norm(rotation_vector(turns), axis=1).max())
     person = f"the person's thorax turns by up to {thorax:.2g} rad"
     if not arm.analysis.model.shared_joints:
-        person = "the recording has no trunk, so that it is to stay upright"
-    return f"the waist of {arm.robot.name} moves, as both arms share it: {', '.join(found)}; {person}"
+        person = "the recording has no trunk, so that upright is its target"
+    return f"the waist of {arm.robot.name} moves by {', '.join(found)}; {person}"
 
 
 def _span(indices: tuple[int, ...]) -> str:

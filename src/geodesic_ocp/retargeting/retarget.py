@@ -184,9 +184,7 @@ def retarget_arms(
         motion = problem(tuple(arms), tuple(candidates), kept, *weights, tolerance, report)
         found: Any = solve(motion, throw=throw)
         paths = found
-        transfers = [
-            transfers_on(pair, found, each) for pair, each in zip(pairs, far, strict=True)
-        ]
+        transfers = [transfers_on(pair, found, each) for pair, each in zip(pairs, far, strict=True)]
     else:
         if len(bodies) < len(pairs):
             raise ValueError("the formulation 'geodesic' is of one hand; use 'constrained'")
@@ -240,15 +238,14 @@ def paired_arms(
         heavier = _heavier(robot) if settings.rotor_inertia else robot
         matched = _matched(source, target, settings.mirror)
         mappings = tuple(
-            PoseMapping.between(analysis.model.with_hand(hand), *each, settings)
-            for hand, *each in zip(*matched, target.values(), strict=True)
+            PoseMapping.between(analysis.model.with_hand(hand), person, own, settings)
+            for hand, person, own in zip(*matched, target.values(), strict=True)
         )
         bound, poses = _limits(heavier, limit, settings), mappings[0](analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)
-        own = heavier.with_hand(next(iter(target))) if len(mappings) > 1 else heavier
-        given_pair = analysis, own, mappings, bound, settings, groups, begin, poses, body
-        pairs += PairedArm(*given_pair).of_hands
+        pair = PairedArm(analysis, heavier, mappings, bound, settings, groups, begin, poses, body)
+        pairs += pair.of_hands
     pairs = scaled_to_fit(pairs) if settings.scale == "fit" else pairs
     return [pair.without_drifts() for pair in pairs]
 

@@ -62,7 +62,8 @@ class Pose(ShortRepr):
         """Return the pose of the hands at q, with the same parts left free."""
         here = model.stacked_poses(self.hands or (model.hand,), q)
         parts = zip((self.rotation, self.position), here, strict=True)
-        return Pose(*(None if part is None else found for part, found in parts), self.hands)
+        rotation, position = (None if part is None else found for part, found in parts)
+        return Pose(rotation, position, self.hands)
 
     def error(self, model: Model, q: Array) -> tuple[float, float]:
         """Get distance [m] and angle [rad] of the hand at q from this pose, the largest of several
@@ -553,7 +554,7 @@ class ArmWaypoints(ShortRepr):
     @property
     def row_weights(self) -> Array:
         """Weights of those rows."""
-        return np.repeat(self.weights, 3)[np.array(self.rows) % 6]
+        return np.asarray(np.repeat(self.weights, 3)[np.array(self.rows) % 6])
 
     @property
     def terms(self) -> Terms:

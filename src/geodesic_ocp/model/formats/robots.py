@@ -66,7 +66,9 @@ _ARMS = {
 }
 # Bodies: the joints of waist, torso or lift, and both arms.
 _BODIES = {
-    name: replace(_ARMS[f"{name}-right{arm}"], base=None, arms=(f"{name}-right{arm}", f"{name}-left{arm}"))
+    name: replace(
+        _ARMS[f"{name}-right{arm}"], base=None, arms=(f"{name}-right{arm}", f"{name}-left{arm}")
+    )
     for name, arm in (("talos", "-arm"), ("tiago-pro", "-arm"), ("armar6", ""), ("g1", "-arm"))
 }
 ROBOTS = _ARMS | _BODIES
