@@ -254,7 +254,7 @@ _KNOWN = {
     },
     **{
         f"g1-{side}-arm": _Known(
-            f"{side}_shoulder_yaw_joint",
+            f"{side}_shoulder_roll_joint",
             *(_FORWARD, _G1, side, f"{side}_elbow_joint", f"{side}_wrist_pitch_joint"),
         )
         for side in get_args(Side)
@@ -320,8 +320,8 @@ def _axes(field: str, record: Any, names: tuple[str, ...]) -> list[Array]:
 def propose_alignment(robot: Model, *, side: Side | None = None) -> Alignment:
     """Return an alignment of a robot's arm with a person's, from the chain of its joints alone.
 
-    The shoulder is where the axes of the first joints of the arm meet; joints of a torso before
-    them do not count. The hand reaches away from the centre of the wrist, and a single arm is
+    The shoulder is where the axes of the first joints of the arm meet, with joints of a torso
+    before them at zero, which count for no length. The hand reaches away from the centre of the wrist, and a single arm is
     assumed to be mounted like a shoulder, with its first axis to the right and x forward.
     `geodesic-ocp align` shows all that was assumed, and writes a file to edit.
 
@@ -352,7 +352,10 @@ def proposal(robot: Model, side: Side | None = None) -> tuple[Alignment, tuple[s
     if found.crossing:
         reason = f"the shoulder is where the axes of {', '.join(found.crossing)} meet"
     if found.before:
-        reason += f"; {', '.join(found.before)} before it, at zero, not counted"
+        reason += (
+            f", with {', '.join(found.before)} before it at zero; they move like the joints of the "
+            "arm, unless the robot's base is behind them (base, --base)"
+        )
     shoulder = np.round(found.shoulder, 9) + 0.0  # as it is to be read in a file
     aligned = Alignment(shoulder, base, hand, found.length, chosen, found.elbow, found.wrist)
     return aligned, (reason, base_reason, *hand_reasons)
