@@ -232,7 +232,6 @@ _TURNED = ((-1, 0, 0), (0, -1, 0), (0, 0, 1))
 
 # Robot, number of the joint at its shoulder, hand, and side of the arm. The hands of Talos have z
 # back to the wrist, at zero as a person's.
-_G1: _Axes = ((0, 0, 1), (-1, 0, 0), (0, -1, 0))  # x out, the thumb along z
 _HUMANOIDS: tuple[tuple[str, int, _Axes, Side], ...] = (
     ("talos", 2, ((0, -1, 0), (-1, 0, 0), (0, 0, -1)), "left"),
     ("talos", 2, ((0, 1, 0), (1, 0, 0), (0, 0, -1)), "right"),
@@ -252,13 +251,6 @@ _KNOWN = {
         )
         for robot, first, hand, side in _HUMANOIDS
     },
-    **{
-        f"g1-{side}-arm": _Known(
-            f"{side}_shoulder_roll_joint",
-            *(_FORWARD, _G1, side, f"{side}_elbow_joint", f"{side}_wrist_pitch_joint"),
-        )
-        for side in get_args(Side)
-    },
     # The palms face -x, the thumbs point to y (left) and to -y (right).
     "armar6-left": _Known(
         "arm_t23_joint_r0", _SAME, _TURNED, "left", "arm_t56_joint_r0", "arm_t78_joint_r0"
@@ -268,6 +260,9 @@ _KNOWN = {
     ),
 }
 
+
+# Robots whose proposal was found right: the shoulder is where axes meet, away from any joint.
+_AS_PROPOSED = ("g1-right-arm", "g1-left-arm")
 
 _FIELDS = ("shoulder", "base", "hand", "length")
 _OPTIONAL = ("side", "elbow", "wrist")
@@ -407,6 +402,8 @@ def known_alignment(robot: Model) -> Alignment | None:
     if name in ROBOTS:  # of a body, the arm whose hand it is
         arms = [arm for arm in ROBOTS[name].arms if ROBOTS[arm].hand == robot.hand]
         name = arms[0] if arms else name
+    if name in _AS_PROPOSED:
+        return proposal(robot)[0]
     known = _KNOWN.get(name)
     if known is None:
         return None

@@ -43,6 +43,7 @@ from geodesic_ocp.trajectory.time_law import time_law
 
 OUT_OF_REACH = "the pose is out of reach; the path ends near it"
 TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
+OTHER_HAND = "the path ends near the pose, as another hand's is missed"
 NEAR_MISS = "the path ends near the pose, which it would attain by a detour only"
 
 _BASELINE_RATE = 200.0  # [Hz], of the controller
@@ -103,10 +104,12 @@ def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors)
     own = paths.paths[pair.body]
     moved = zip(own, paths.within_reach[pair.body][1:], strict=True)
     found, q = list[Transfer](), own[0].nodes[0]
+    at = 0  # number of the waypoint
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":
             found.append(at_rest(pair, group, q))
             continue
+        at += 1
         path, is_attained = next(moved)
         q, pose, status = path.nodes[-1], pair.target(group.stop), paths.status
         errors = pose.error(pair.robot, q)
@@ -114,7 +117,12 @@ def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors)
         if number in out_of_reach:
             status = OUT_OF_REACH
         elif not is_attained:
-            status = TOO_NEAR if pair.is_missed(errors) else NEAR_MISS
+            near = (
+                NEAR_MISS
+                if len(pair.hands) == 1 or paths.near_misses[pair.body][at]
+                else OTHER_HAND
+            )
+            status = TOO_NEAR if pair.is_missed(errors) else near
         found.append(
             Transfer(path, pose, is_attained, *errors, paths.iterations, paths.success, status)
         )
@@ -164,6 +172,8 @@ class RetargetedArm(PairedArm):
         out_of_reach: distance [m] and angle [rad] of the nearest pose that inverse kinematics
             found, for poses out of reach, by number of the pose: 0 is the first pose, k the end of
             synergy k, counted from 1. `pose_errors` has what the motion achieves.
+        first: the result for the first hand of a body, whose motion and baseline are those of all;
+            None: this is it.
     """
 
     transfers: tuple[Transfer, ...]
@@ -171,6 +181,7 @@ class RetargetedArm(PairedArm):
     trajectory: JointTrajectory
     motion: Motion
     out_of_reach: PoseErrors
+    first: RetargetedArm | None = None
 
     def __repr__(self) -> str:
         distance, angle = np.max(list(self.pose_errors.values()), axis=0)
@@ -232,6 +243,8 @@ class RetargetedArm(PairedArm):
         It begins in that of several configurations with the first pose from which the hand follows
         best; if a start was given, in that or in the nearest one with the pose.
         """
+        if self.first is not None:
+            return self.first.baseline
         motion, time, settings = self.analysis.motion, self.motion.time, self.settings
         begin = self.groups[0].start
         (first,), start = self.targets(motion.q[begin : begin + 1]), self.motion.q[0]

@@ -197,13 +197,14 @@ def retarget_arms(
         ]
     of_bodies = [transfers[pairs.index(pair)] for pair in bodies]
     planned = _in_time(bodies, of_bodies, paths, clearance, throw, report)
-    retargeted = tuple(
-        RetargetedArm.retargeted(*each, planned, rate)
-        for each in zip(pairs, transfers, far, strict=True)
-    )
+    retargeted = list[RetargetedArm]()
+    for each in zip(pairs, transfers, far, strict=True):
+        arm, first = RetargetedArm.retargeted(*each, planned, rate), retargeted[-1:]
+        same = [other.first or other for other in first if other.body == arm.body]
+        retargeted.append(replace(arm, first=same[0]) if same else arm)
     report("done", len(pairs), len(pairs))
     seconds = time.perf_counter() - begin
-    result = Retargeting(retargeted, planned, paths, clearance, rate, settings, seconds)
+    result = Retargeting(tuple(retargeted), planned, paths, clearance, rate, settings, seconds)
     warn_of_detours(result)
     return result
 
@@ -379,13 +380,12 @@ def _alignments(
     """Return for each model the alignments of its hands, by default its own."""
     found = []
     for model, own, each in zip(models, hands, _one_each(name, given, len(models)), strict=True):
-        several = each if isinstance(each, (list, tuple)) else [each] if len(own) == 1 else None
-        if several is None and each is None:
-            several = [None] * len(own)
-        if several is None or len(several) != len(own):
+        several = each if isinstance(each, (list, tuple)) else [each]
+        several = [None] * len(own) if each is None else several
+        if len(several) != len(own):
             raise ValueError(
-                f"{name} of {model.name!r} must be one for each of its hands {', '.join(own)}, got "
-                f"{each!r}"
+                f"{name} must be of Alignment, one for each of the hands {', '.join(own)} of "
+                f"{model.name!r}, got {each!r}"
             )
         aligned = {}
         for hand, one in zip(own, several, strict=True):

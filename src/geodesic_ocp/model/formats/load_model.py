@@ -99,7 +99,7 @@ def load_model(
             have one degree of freedom of its own (spherical, free-flyer, mimic); a moving link has
             no mass or an inertia that is not positive definite. Names what is wrong.
     """
-    given = (hand,) if isinstance(hand, str) else tuple(hand or ())
+    given = tuple(hand) if isinstance(hand, (list, tuple)) else () if hand is None else (hand,)
     description, hands, base = _read(source, given, base, height, mass)
     for fault in description.warnings:
         warnings.warn(fault, UserWarning, stacklevel=2)
