@@ -100,10 +100,10 @@ def _on_robots(files: Sequence[Path], robots: Sequence[str]) -> None:
                 warnings.simplefilter("ignore")  # of what is in the table
                 result = go.retarget(analysis, robot, throw=False)
             seconds = time.process_time() - begin
-            synergies = [pair for arm in result.bodies for pair in zip(arm.groups, arm.synergies)]
+            (body,) = result.bodies
             slowest = max(
-                each.duration / result.bodies[0].seconds(group)
-                for group, each in synergies
+                each.duration / body.seconds(group)
+                for group, each in zip(body.groups, body.synergies, strict=True)
                 if group.kind != "rest"
             )
             errors = np.array([each for arm in result.arms for each in arm.pose_errors.values()])

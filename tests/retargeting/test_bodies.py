@@ -100,7 +100,8 @@ def result() -> go.retargeting.Retargeting:
 def test_both_hands_pass_their_poses_on_one_trajectory(result: go.retargeting.Retargeting) -> None:
     """By Pinocchio, from the trajectory alone."""
     assert result.success, result.faults
-    assert len(result.arms) == 2 and len(result.bodies) == len(result.planned.arms) == 1
+    assert len(result.arms) == 2
+    assert len(result.bodies) == len(result.planned.arms) == 1
     assert result.joint_names == result.arms[0].robot.joint_names
     model = result.arms[0].robot.pin
     data = model.createData()

@@ -316,8 +316,9 @@ def propose_alignment(robot: Model, *, side: Side | None = None) -> Alignment:
     """Return an alignment of a robot's arm with a person's, from the chain of its joints alone.
 
     The shoulder is where the axes of the first joints of the arm meet, with joints of a torso
-    before them at zero, which count for no length. The hand reaches away from the centre of the wrist, and a single arm is
-    assumed to be mounted like a shoulder, with its first axis to the right and x forward.
+    before them at zero, which count for no length. The hand reaches away from the centre of the
+    wrist, and a single arm is assumed to be mounted like a shoulder, with its first axis to the
+    right and x forward.
     `geodesic-ocp align` shows all that was assumed, and writes a file to edit.
 
     >>> import geodesic_ocp as go
