@@ -155,6 +155,8 @@ def place_base(
         raise ValueError(
             "mirrored: the side of the alignment must be known, and settings.mirror be None"
         )
+    if len(pairs) > len(given):
+        raise ValueError("robot: must have one hand; load one of its arms")
     lower, upper = np.transpose(bounds)
     return _BaseSearch(tuple(pairs), lower, upper, mirrored).best()
 
