@@ -320,13 +320,11 @@ def waist_motion(arm: RetargetedArm) -> str:
         f"{name} {np.ptp(arm.trajectory.positions[:, column]):.2g} {arm.robot.units[column]}"
         for name, column in zip(names, columns, strict=True)
     ]
-    turns = replace(arm.mapping, upright=False).waist_turns(arm.analysis.motion.q)
+    turns = arm.mapping.waist_turns(arm.analysis.motion.q)
     thorax = float(np.linalg.norm(rotation_vector(turns), axis=1).max())
     person = f"the person's thorax turns by up to {thorax:.2g} rad"
     if not arm.analysis.model.shared_joints:
         person = "the recording has no trunk, so that upright is its target"
-    if arm.mapping.upright and arm.analysis.model.shared_joints:
-        person += ", and the hands' poses are those relative to it, as the waist does not turn"
     return f"the waist of {arm.robot.name} moves by {', '.join(found)}; {person}"
 
 

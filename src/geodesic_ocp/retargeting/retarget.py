@@ -242,11 +242,6 @@ def paired_arms(
             PoseMapping.between(analysis.model.with_hand(hand), person, own, settings)
             for hand, person, own in zip(*matched, target.values(), strict=True)
         )
-        turns = any(
-            robot.units[robot.joint_names.index(each)] == "rad" for each in robot.shared_joints
-        )
-        if len(mappings) > 1 and not turns:
-            mappings = tuple(replace(each, upright=True) for each in mappings)
         bound, poses = _limits(heavier, limit, settings), mappings[0](analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)

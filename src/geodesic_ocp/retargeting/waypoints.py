@@ -209,8 +209,6 @@ class PoseMapping(ShortRepr):
         source, target: alignments of the person and of the robot.
         scale: factor of positions.
         mirror: whether left and right are exchanged.
-        upright: whether the person's trunk is taken to be upright, as for a robot whose waist does
-            not turn: the poses are then those relative to the thorax.
     """
 
     model: Model
@@ -218,7 +216,6 @@ class PoseMapping(ShortRepr):
     target: Alignment
     scale: float
     mirror: bool
-    upright: bool = False
     _shown = ("scale", "mirror")
 
     @classmethod
@@ -235,17 +232,8 @@ class PoseMapping(ShortRepr):
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
         """Return rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, for q (k, n)."""
-        rotation, position = self.source.to_person(*self.model.hand_pose(self._held(q)))
+        rotation, position = self.source.to_person(*self.model.hand_pose(q))
         return self.target.to_robot(rotation, position, scale=self.scale, mirror=self.mirror)
-
-    def _held(self, q: Array) -> Array:
-        """Return the configurations that are mapped."""
-        if not self.upright:
-            return q
-        trunk = [self.model.joint_names.index(name) for name in self.model.shared_joints]
-        q = np.array(q)
-        q[..., trunk] = 0.0
-        return q
 
     def waist_turns(self, q: Array) -> Array:
         """Return rotations (k, 3, 3) of the person's thorax from upright at q (k, n), in axes of
@@ -255,11 +243,11 @@ class PoseMapping(ShortRepr):
             return np.tile(np.eye(3), (len(q), 1, 1))
         axes = np.asarray(self.source.base) @ np.diag([-1.0 if self.mirror else 1.0, 1.0, 1.0])
         turn = axes @ np.asarray(self.target.base).T
-        return np.asarray(turn.T @ waist_turn(self.model, self._held(q)) @ turn)
+        return np.asarray(turn.T @ waist_turn(self.model, q) @ turn)
 
     def elbow_offsets(self, q: Array) -> Array:
         """Return offsets (k, 3) of the person's elbow at q (k, n), in axes of the robot's base."""
-        offsets = elbow_function(self.model, self.source)(self._held(q).T).full().T
+        offsets = elbow_function(self.model, self.source)(q.T).full().T
         offsets = offsets @ np.asarray(self.source.base)
         if self.mirror:
             offsets = offsets * np.array([-1.0, 1.0, 1.0])
