@@ -6,6 +6,10 @@ compared at equal numbers of segments. Errors of the joints are those of the 14 
 Errors of the hands are in the room: for arms alone with the observed trunk, for the upper body with
 the predicted one; those that its arms alone make are in brackets.
 
+With --robots, each recording on bodies with both arms and a waist instead: time over the person's,
+slowest synergy, poses missed by more than the tolerance and the largest miss of all, motion of the
+waist, least distance of links, and CPU time of `retarget`.
+
 With --logs, log maps between random configurations first: how many are found, and how long they
 take.
 """
@@ -49,7 +53,11 @@ def main() -> None:
     parser.add_argument("--spacing", type=float, default=0.1, help="of candidates for cuts [s]")
     parser.add_argument("--metrics", nargs="+", choices=METRICS, default=list(METRICS))
     parser.add_argument("--logs", type=int, default=0, help="number of random log maps")
+    parser.add_argument("--robots", nargs="*", default=[], help="such as g1, talos, armar6")
     options = parser.parse_args()
+    if options.robots:
+        _on_robots(options.recordings, options.robots)
+        return
     if options.logs:
         _random_logs(options.logs)
     for file in options.recordings:
@@ -76,6 +84,44 @@ def main() -> None:
                     ]
                     for found in zip(*best, strict=True):
                         _report((metric, system, "best"), found, models, arms, motion)
+
+
+def _on_robots(files: Sequence[Path], robots: Sequence[str]) -> None:
+    """Print a table of retargetings."""
+    print("| recording | robot | time | slowest | missed | largest miss | waist | near | CPU [s] |")
+    print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for file in files:
+        recording = go.read_recording(file, "both")
+        analysis = go.analyse(recording.model, recording.motion)
+        for name in robots:
+            robot = go.load_model(name)
+            begin = time.process_time()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of what is in the table
+                result = go.retarget(analysis, robot, throw=False)
+            seconds = time.process_time() - begin
+            (body,) = result.bodies
+            slowest = max(
+                each.duration / body.seconds(group)
+                for group, each in zip(body.groups, body.synergies, strict=True)
+                if group.kind != "rest"
+            )
+            errors = np.array([each for arm in result.arms for each in arm.pose_errors.values()])
+            missed = sum(len(arm.missed) for arm in result.arms)
+            waist = [robot.joint_names.index(joint) for joint in robot.shared_joints]
+            moved = np.ptp(result.trajectory.positions[:, waist], axis=0)
+            units = [robot.units[joint] for joint in waist]
+            turned = ", ".join(f"{one:.2f} {unit}" for one, unit in zip(moved, units, strict=True))
+            distance, angle = errors.max(axis=0)
+            near = result.check.clearance
+            row = (
+                *(file.stem, name, f"{result.stretch:.2f}", f"{slowest:.2f}"),
+                *(f"{missed} of {len(errors)}", f"{1000 * distance:.1f} mm, {angle:.3f} rad"),
+                *(turned, "-" if near is None else f"{1000 * near:.1f} mm", f"{seconds:.0f}"),
+            )
+            print(f"| {' | '.join(row)} |", flush=True)
+            for fault in result.unfit:
+                print(f"  {fault}", flush=True)
 
 
 def _random_logs(count: int, seed: int = 1) -> None:

@@ -26,7 +26,7 @@ FORWARD_LEFT_UP = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 TURNED = ("xarm7", "ur5")
 # The axes of the shoulder's joints meet 0.18 m from the first joint, which the built-in alignment
 # has as the shoulder.
-SHIFTED = ("tiago-pro-left-arm", "tiago-pro-right-arm")
+SHIFTED = ("tiago-pro", "tiago-pro-left-arm", "tiago-pro-right-arm")
 
 
 @needs_robots

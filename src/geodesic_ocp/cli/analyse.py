@@ -84,13 +84,13 @@ def analyse(
 
 
 def analyse_file(
-    file: Path, side: Side, settings: AnalysisSettings, folder: Path | None = None
+    file: Path, side: Sides, settings: AnalysisSettings, folder: Path | None = None
 ) -> Analysis:
-    """Analyse one arm of the recording in a file, and print the results.
+    """Analyse one arm of the recording in a file, or both as one model, and print the results.
 
     Args:
         file: the recording.
-        side: the arm.
+        side: the arm, or "both".
         settings: settings of the analysis.
         folder: folder for the fit to markers, if the recording has markers.
 
@@ -102,6 +102,8 @@ def analyse_file(
         recording = _read(file, side, settings)
     except RecordingError as error:
         other: Side = "left" if side == "right" else "right"
+        if side == "both":
+            raise
         if _has_arm(file, other, settings) and not _has_arm(file, side, settings):
             raise ValueError(f"{error}; try --side {other}") from None
         raise
@@ -140,7 +142,7 @@ def analyse_bundled(settings: AnalysisSettings) -> Analysis:
     return _analysed(recording, settings, "the bundled recording")
 
 
-def _read(file: Path, side: Side, settings: AnalysisSettings) -> Recording:
+def _read(file: Path, side: Sides, settings: AnalysisSettings) -> Recording:
     with printed_warnings():
         return read_by_settings(file, side, settings, settings.height, settings.mass)
 

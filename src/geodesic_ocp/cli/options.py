@@ -135,7 +135,7 @@ def as_obstacle(text: str) -> Obstacle:
 
 
 def with_load(robot: Model, payload: str | None) -> Model:
-    """Return the robot with a payload from a text: its mass, centre and inertia.
+    """Return the robot with a payload in each hand from a text: its mass, centre and inertia.
 
     Raises:
         ValueError: not 1, 4, 7 or 10 numbers, or no possible payload.
@@ -149,7 +149,10 @@ def with_load(robot: Model, payload: str | None) -> Model:
     moments[: max(values.size - 4, 0)] = values[4:]
     (xx, yy, zz), (xy, xz, yz) = moments[:3], moments[3:]
     inertia = None if values.size < 7 else [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    return robot.with_payload(mass, centre if centre.size else np.zeros(3), inertia)
+    for hand in reversed(robot.hands):  # the first is the hand again
+        robot = robot.with_hand(hand)
+        robot = robot.with_payload(mass, centre if centre.size else np.zeros(3), inertia)
+    return robot
 
 
 def _numbers(option: str, given: str, text: str) -> Array:

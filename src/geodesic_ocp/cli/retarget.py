@@ -32,11 +32,13 @@ from geodesic_ocp.cli.terminal import (
     why_no_pages,
 )
 from geodesic_ocp.drawing.viewer import report as write_report
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignment
 from geodesic_ocp.retargeting.place_base import place_base
-from geodesic_ocp.retargeting.result import Retargeting
+from geodesic_ocp.retargeting.result import Retargeting, waist_motion
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.waypoints import MISSED
@@ -50,7 +52,7 @@ _FAULTS = 3  # of the trajectory that are printed
 _REPORT = "report.html"
 _ALIGNMENT = "alignment.json"
 Mount: TypeAlias = Literal["auto"]
-_Arm: TypeAlias = tuple[Model, Alignment]
+_Arm: TypeAlias = tuple[Model, list[Alignment]]  # one for each hand
 
 
 def retarget(
@@ -82,13 +84,15 @@ def retarget(
 
     Args:
         file: recording, as for geodesic-ocp analyse.
-        robot: name, such as panda (see geodesic-ocp models), or file (URDF, MJCF); twice with
-            --side both, right and left.
-        side: the person's arm.
-        hand: hand (end-effector) frame of the robot; one for each --robot.
-        base: fixed frame of the robot that becomes its base; one for each --robot.
+        robot: name, such as panda (see geodesic-ocp models), or file (URDF, MJCF). With --side
+            both: of a body whose arms share a waist, such as g1, or twice, right and left.
+        side: the person's arm; both of one --robot are planned as one system with the waist.
+        hand: hand (end-effector) frame of the robot; one for each --robot, or the right and the
+            left one of a body.
+        base: fixed frame of the robot that becomes its base, before which joints are locked; one
+            for each --robot.
         alignment: file of the robot's alignment with the person, as written by geodesic-ocp align;
-            one for each --robot.
+            one for each --robot, or for each hand of a body.
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
             degrees about the vertical, to where most poses are within reach at least cost; with
             --out, also writes alignment.json.
@@ -110,10 +114,12 @@ def retarget(
         check_export(wanted)
     if report:
         require_pages()
-    sides = each_side(side)
-    if mount and len(sides) > 1:
+    if mount and side == "both":
         raise ValueError("--mount: for one arm; those of one robot cannot be moved apart")
-    arms = _arms(robot, len(sides), hand or (), base or (), alignment or ())
+    of_arms = hand or (), base or (), alignment or ()
+    is_body = side == "both" and len(robot) == 1
+    sides: list[Sides] = [side] if is_body else [*each_side(side)]
+    arms = [_body(robot[0], *of_arms)] if is_body else _arms(robot, each_side(side), *of_arms)
     bodies = tuple(map(as_obstacle, obstacle or ()))
     retargeting = replace(retargeting, obstacles=bodies)
     analyses = []
@@ -148,7 +154,7 @@ def demo(
     if robot is None:
         save_analysis(analyse_bundled(settings), out, with_curve=True)
         return 0
-    arms = _arms([robot], 1)
+    arms = _arms([robot], ["left"])
     if missing := why_no_pages():
         print(f"note: no {_REPORT} will be written: {missing}")
     analysis = analyse_bundled(settings)
@@ -160,13 +166,42 @@ def demo(
     )
 
 
+def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]) -> _Arm:
+    """Return a robot with both arms, and the alignments of its hands.
+
+    Raises:
+        ValueError: it has one hand, or another number of alignments.
+    """
+    if (hands and len(hands) != 2) or len(bases) > 1:
+        raise ValueError(
+            "--side both of one --robot: --hand twice, right and left, and --base once"
+        )
+    if not hands and name in ROBOTS and not ROBOTS[name].arms:
+        raise ValueError(
+            f"--robot: two robots, of the right and of the left arm, or a body with both such as "
+            f"{', '.join(_bodies())}, got {name}"
+        )
+    with printed_warnings():
+        robot = load_model(name, hand=hands or None, base=bases[0] if bases else None)
+        if files and len(files) != len(robot.hands):
+            raise ValueError(f"--alignment: one for each of the hands {', '.join(robot.hands)}")
+        if files:
+            return robot, [read_alignment(file) for file in files]
+        return robot, [align(robot.with_hand(each)) for each in robot.hands]
+
+
+def _bodies() -> list[str]:
+    return [name for name, robot in ROBOTS.items() if robot.arms]
+
+
 def _arms(
     names: Sequence[str],
-    count: int,
+    sides: Sequence[Side],
     hands: Sequence[str] = (),
     bases: Sequence[str] = (),
     alignments: Sequence[Path] = (),
 ) -> list[_Arm]:
+    count = len(sides)
     if len(names) != count:
         what = "two robots, of the right and of the left arm" if count == 2 else "one robot"
         raise ValueError(f"--robot: {what}, got {', '.join(names)}")
@@ -176,10 +211,12 @@ def _arms(
     none = [None] * count
     arms = []
     with printed_warnings():
-        pairs = zip(names, hands or none, bases or none, alignments or none, strict=True)
-        for name, hand, base, file in pairs:
+        pairs = zip(names, sides, hands or none, bases or none, alignments or none, strict=True)
+        for name, side, hand, base, file in pairs:
+            if hand is None and name in _bodies():
+                name = ROBOTS[name].arms[side == "left"]
             robot = load_model(name, hand=hand, base=base)
-            arms.append((robot, align(robot) if file is None else read_alignment(file)))
+            arms.append((robot, [align(robot) if file is None else read_alignment(file)]))
     return arms
 
 
@@ -200,8 +237,9 @@ def _transfer(
     alignments = [aligned for _, aligned in arms]
     if mount:
         given = robots[0], analyses
-        placed = place_base(*given, alignment=alignments[0], limits=joints[0], settings=settings)
-        alignments = [placed.alignment]
+        (aligned,) = alignments[0]
+        placed = place_base(*given, alignment=aligned, limits=joints[0], settings=settings)
+        alignments = [[placed.alignment]]
         print(f"{robots[0].name}: {placed}\n")
     with progress() as bar:
         result = retarget_arms(
@@ -218,7 +256,7 @@ def _transfer(
         print()
         print_written(result.save(out))
         if mount:
-            print_written([alignments[0].save(out / _ALIGNMENT, (str(placed),))])
+            print_written([placed.alignment.save(out / _ALIGNMENT, (str(placed),))])
         if with_report:
             print_written([write_report(result, out / _REPORT)])
         else:
@@ -242,6 +280,9 @@ def _summarize(result: Retargeting) -> None:
             f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "
             f"positions scaled by {arm.mapping.scale:.3g}; {poses}"
         )
+    for arm in result.bodies:
+        if arm.robot.shared_joints:
+            print(waist_motion(arm))
     time = "the person's time"
     if result.stretch > _LONGER:
         time = f"{result.stretch:.2f} times the person's time, as the joints' limits require"

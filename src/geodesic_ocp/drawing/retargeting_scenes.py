@@ -95,6 +95,8 @@ def robot_pane(retargeting: Retargeting, shown: Indices, start: float) -> Scene:
         own = _arm_scene(retargeting, number, shown, one_body)
         turn = np.asarray(arm.mapping.target.base).T
         place = -turn @ (middle if one_body else np.asarray(arm.mapping.target.shoulder))
+        if len(arm.hands) > 1:  # of a person with the shoulders at some height
+            place = place + np.mean([np.asarray(each.mapping.source.shoulder) for each in arms], 0)
         if not one_body:
             place = place + _shoulder(arm, len(arms))
         whole = whole.beside(carried(own, turn[None], place[None]))
@@ -107,7 +109,7 @@ def _arm_scene(retargeting: Retargeting, number: int, shown: Indices, one_body: 
     """
     arms, settings = retargeting.arms, retargeting.settings
     arm, robots = arms[number], [each.robot for each in arms]
-    robot, which = arm.robot, f", {arm.robot.name}" if len(arms) > 1 else ""
+    robot, which = arm.robot, f", {arm.name}" if len(arms) > 1 else ""
     q, tracked = arm.motion.q[shown], arm.tracked.q[shown]
     turned, target = (each[shown] for each in arm.target_poses)
     rotations, positions = robot.hand_pose(q)
@@ -307,7 +309,7 @@ def retargeting_playback(*retargetings: Retargeting) -> Playback:
         for each in robots:
             own = each.motion.time - each.motion.time[0] + start
             number = add(robot_pane(each, shown, start))
-            for arm in each.arms:
+            for arm in each.bodies:
                 row = tuple(_span(k, group, own) for k, group in enumerate(arm.groups, 1))
                 spans |= _distinct({arm.robot.name: row}, spans)
             plots += _plots(each, shown, start, several, number)

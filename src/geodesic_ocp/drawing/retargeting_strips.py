@@ -28,7 +28,7 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
     is seen from where most is seen. The hand's target is a cross.
     """
     samples = np.linspace(0, len(arm.motion.time) - 1, _INSTANTS).round().astype(int)
-    recorded, model = arm.analysis.motion, arm.analysis.model
+    recorded, model = arm.analysis.motion, arm.mapping.model
     person = Postures.of(model, recorded.q[samples])
     robot = Postures.of(arm.robot, arm.motion.q[samples])
     way = arm.robot.hand_pose(arm.motion.q)[1]
@@ -55,7 +55,7 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
             arms=[StripArm(robot, "predicted")],
             paths=[way],
             targets=arm.target_poses[1][samples],
-            title=f"{arm.robot.name}, {view.name}; crosses: the person's hand, mapped",
+            title=f"{arm.name}, {view.name}; crosses: the person's hand, mapped",
         ),
     ]
 

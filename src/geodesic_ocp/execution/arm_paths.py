@@ -83,16 +83,17 @@ def joint_forces(
 
 
 def hand_speeds(robot: Model, q: Array, v: Array) -> Array:
-    """Return speeds |J(q) v| of the hand at states (k, n), (k,) [m/s]."""
-    velocities = evaluate(hand_velocity(robot).map(len(q)), q.T, v.T)
-    return np.asarray(np.linalg.norm(velocities, axis=0))
+    """Return speeds |J(q) v| of the hand, the largest of a body's, at states (k, n), (k,) [m/s]."""
+    velocities = np.asarray(evaluate(hand_velocity(robot).map(len(q)), q.T, v.T))
+    return np.asarray(np.linalg.norm(velocities.reshape(-1, 3, len(q)), axis=1).max(axis=0))
 
 
 @lru_cache(maxsize=16)
 def hand_velocity(robot: Model) -> ca.Function:
-    """Return (q, v) -> J(q) v, the velocity of the hand (3,) [m/s]."""
+    """Return (q, v) -> J(q) v, the velocities of the h hands below each other (3 h,) [m/s]."""
     q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
-    return ca.Function("velocity", [q, v], [ca.jtimes(robot.hand_pose(q)[1], q, v)])
+    places = robot.stacked_poses(robot.hands, q)[1]
+    return ca.Function("velocity", [q, v], [ca.jtimes(places, q, v)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -189,6 +189,7 @@ def compare_with_tracking(
     placing: bool = True,
     starts: ArrayLike | None = None,
     name: str = "geodesic synergies",
+    together: tuple[Sequence[str], Poses] | None = None,
 ) -> dict[str, MotionMeasures]:
     """Return measures of a trajectory, and of inverse kinematics that tracks the hand
     (`measures_table`).
@@ -207,6 +208,8 @@ def compare_with_tracking(
         turning, placing: settings of inverse kinematics, see `track_within_limits`.
         starts: where it begins, likewise; None: where the trajectory begins.
         name: name of the trajectory.
+        together: all hands of a body, that are tracked with this one, and their poses below each
+            other, see `track_within_limits`.
 
     Raises:
         ValueError: uneven samples, or arguments of the wrong shape.
@@ -227,19 +230,21 @@ def compare_with_tracking(
         )
 
     found = {name: measured(trajectory, time)}
+    hands, tracked_poses = ((), poses) if together is None else together
     begin = trajectory.positions[0] if starts is None else starts
     own = trajectory.time[0] + np.array([0.0, time[-1] - time[0]])
     clocks = {"": (trajectory.time, time), ", the person's time": (own, time[[0, -1]])}
     for suffix, clock in clocks.items():
 
         def in_time(instants: Array, clock: tuple[Array, Array] = clock) -> tuple[Array, Array]:
-            return poses(np.interp(instants, *clock))
+            return tracked_poses(np.interp(instants, *clock))
 
         tracked = track_within_limits(
             *(robot, begin, clock[0], in_time, limits),
             rate=rate,
             turning=turning,
             placing=placing,
+            hands=hands,
         )
         targets = np.interp(tracked.time + clock[0][0], *clock)
         found[_TRACKED + suffix] = measured(tracked, targets)

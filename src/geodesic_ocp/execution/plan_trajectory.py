@@ -124,7 +124,7 @@ class PathDeviation:
 
     Attributes:
         joint: Euclidean distance of the configurations [rad or m].
-        hand: distance of the hand from its own path [m].
+        hand: distance of the hand from its own path [m]; the largest of a body's hands.
     """
 
     joint: float
@@ -247,12 +247,14 @@ def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[Pa
         count = int(np.clip(100.0 * (end - start), 20, 400))
         q = spline(np.linspace(start, end, count))[0]
         curve = path(np.linspace(0.0, 1.0, 201))
-        hands = [arm.robot.hand_pose(each)[1] for each in (q, curve)]
-        largest = (
-            float(np.linalg.norm(points - nearest_on_path(points, way), axis=1).max())
-            for points, way in ((q, curve), hands)
+        hands = (
+            [arm.robot.frame_pose(hand, each)[1] for each in (q, curve)] for hand in arm.robot.hands
         )
-        found.append(PathDeviation(*largest))
+        joint, *others = (
+            float(np.linalg.norm(points - nearest_on_path(points, way), axis=1).max())
+            for points, way in ((q, curve), *hands)
+        )
+        found.append(PathDeviation(joint, max(others)))
     return tuple(found)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeAlias
@@ -55,6 +55,7 @@ def track_within_limits(
     turning: bool = True,
     placing: bool = True,
     solver: StepSolver | None = None,
+    hands: Sequence[str] = (),
 ) -> JointTrajectory:
     """Track poses of the hand from rest to rest, within the limits of joints, speed, acceleration.
 
@@ -88,6 +89,8 @@ def track_within_limits(
         turning, placing: whether it tracks rotations, and positions.
         solver: solver of the problem of a step in place of DAQP; from q, w, the speeds towards the
             posture and those of the step before, d^2 + |e|^2, and the bounds, it gives v.
+        hands: h hands of the model that are tracked together; `poses` are then below each other,
+            (m, 3 h, 3) and (m, 3 h). Empty: the hand of the model.
 
     Returns:
         Samples at the rate from time 0. Velocities are central differences of the positions, and
@@ -98,36 +101,40 @@ def track_within_limits(
     """
     starts = [checked_start(model, each) for each in np.atleast_2d(np.asarray(start, dtype=float))]
     limits, rate = checked_limits(model, limits), as_positive("rate", rate, "Hz")
+    named = tuple(hands) or (model.hand,)
     if not (turning or placing):
         raise ValueError("turning and placing are both False: there is nothing to track")
     if len(starts) > 1:
         shared: dict[str, Any] = {
             **{"posture": posture, "posture_weight": posture_weight, "smoothing": smoothing},
-            **{"turning": turning, "placing": placing, "solver": solver},
+            **{"turning": turning, "placing": placing, "solver": solver, "hands": hands},
         }
         span = np.ptp(np.asarray(time, dtype=float))
         coarse = min(rate, max(_COARSE, 2.0 * _FEWEST / span))
-        rotations, places, _ = _targets(time, poses, 1.0 / coarse)
+        rotations, places, _ = _targets(time, poses, 1.0 / coarse, len(named))
 
         def lag(q: Array) -> float:
             tracked = track_within_limits(model, q, time, poses, limits, rate=coarse, **shared)
-            found = pose_differences(model.hand_pose(tracked.positions), (rotations, places))
+            here = model.stacked_poses(named, tracked.positions)
+            found = pose_differences(here, (rotations, places))
             return float(placing * found[0].mean() + turning * found[1].mean())
 
         starts.sort(key=lag)
     q = starts[0]
     preferred = q if posture is None else as_vector("posture", posture, model.dof)
     duration = 1.0 / rate
-    rotations, places, velocities = _targets(time, poses, duration)
+    rotations, places, velocities = _targets(time, poses, duration, len(named))
+    rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
     tracker = Tracker(
         model,
         limits,
         duration,
         preferred,
-        rows=(*range(3 * (not placing), 3), *range(3, 3 + 3 * turning)),
+        rows=tuple(6 * number + row for number in range(len(named)) for row in rows),
         posture_cost=as_not_negative("posture_weight", posture_weight) ** 2,
         smoothing=as_not_negative("smoothing", smoothing),
         solver=solver,
+        hands=named,
     )
     count = len(velocities)
     positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
@@ -152,9 +159,10 @@ class Tracker:
         model, limits: model and limits of its joints.
         step: duration of a step [s].
         preferred: configuration (n,) preferred by a redundant arm.
-        rows: rows of the pose error that count.
+        rows: rows of the pose errors that count, six for each hand.
         posture_cost, smoothing: weight of the speeds towards it, squared, and of changes [s].
         solver: in place of DAQP.
+        hands: names of the hands; empty: the hand of the model.
     """
 
     model: Model
@@ -165,6 +173,7 @@ class Tracker:
     posture_cost: float = 1e-4
     smoothing: float = 1e-3
     solver: StepSolver | None = None
+    hands: tuple[str, ...] = ()
 
     def speeds(
         self,
@@ -183,7 +192,8 @@ class Tracker:
                 during the step.
             left: number of steps after this one, in the last of which the arm is at rest.
         """
-        jacobian, way = evaluate(_tracking(self.model, self.rows), q, rotation, position)
+        hands = self.hands or (self.model.hand,)
+        jacobian, way = evaluate(_tracking(self.model, self.rows, hands), q, rotation, position)
         error, change_cost = way[:, 0], self.smoothing / self.step
         wanted = velocity[list(self.rows)] + min(_GAIN, 1.0 / self.step) * error
         towards, damped = _DRIFT * (self.preferred - q), _DAMPING**2 + float(error @ error)
@@ -203,10 +213,10 @@ class Tracker:
 
 
 def _targets(
-    time: ArrayLike, poses: Poses | tuple[ArrayLike, ArrayLike], step: float
+    time: ArrayLike, poses: Poses | tuple[ArrayLike, ArrayLike], step: float, hands: int
 ) -> tuple[Array, Array, Array]:
-    """Return rotations and positions of the hand at the ends of steps [s], and its velocities (k -
-    1, 6).
+    """Return rotations and positions of the hands at the ends of steps [s], and their velocities
+    (k - 1, 6 h).
 
     After the last time, the pose is the last one. Velocities are those of translation [m/s] and
     rotation [rad/s] from each pose to the next. Poses between samples are of cubic splines.
@@ -225,6 +235,8 @@ def _targets(
         rotations, positions = poses(instants)
     else:
         rotations, positions = (np.array(each, dtype=float) for each in poses)
+        if hands > 1:
+            raise ValueError("poses of several hands must be a function of times")
         if rotations.shape != (given.size, 3, 3) or positions.shape != (given.size, 3):
             raise ValueError(
                 f"poses must be rotations ({given.size}, 3, 3) and positions ({given.size}, 3) at "
@@ -232,17 +244,23 @@ def _targets(
             )
         rotations = RotationSpline(given, Rotation.from_matrix(rotations))(instants).as_matrix()
         positions = CubicSpline(given, positions)(instants)
-    turns = rotation_vector(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
-    return rotations, positions, np.hstack([np.diff(positions, axis=0), turns]) / step
+    each = rotations.reshape(len(rotations), hands, 3, 3)
+    turns = rotation_vector((each[1:] @ each[:-1].swapaxes(2, 3)).reshape(-1, 3, 3))
+    moves = np.diff(positions, axis=0).reshape(-1, 3)
+    return rotations, positions, np.hstack([moves, turns]).reshape(-1, 6 * hands) / step
 
 
 @lru_cache(maxsize=32)
-def _tracking(model: Model, rows: tuple[int, ...]) -> ca.Function:
-    """Return q, rotation and position of the target -> Jacobian, error."""
-    q, rotation, position = ca.SX.sym("q", model.dof), ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
-    here, at = model.hand_pose(q)
-    error = ca.vertcat(position - at, rotation_log(rotation @ here.T))
-    jacobian = ca.densify(model.hand_jacobian(q)[list(rows), :])
+def _tracking(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca.Function:
+    """Return q, rotations and positions of the targets -> Jacobian, error."""
+    q, size, errors = ca.SX.sym("q", model.dof), 3 * len(hands), []
+    rotation, position = ca.SX.sym("R", size, 3), ca.SX.sym("p", size)
+    for number, hand in enumerate(hands):
+        own = slice(3 * number, 3 * number + 3)
+        here, at = model.frame_pose(hand, q)
+        errors += [position[own] - at, rotation_log(rotation[own, :] @ here.T)]
+    error = ca.vertcat(*errors)
+    jacobian = ca.densify(model.stacked_jacobians(hands, q)[list(rows), :])
     outputs = ca.cse([jacobian, ca.densify(error[list(rows)])])
     return ca.Function("tracking", [q, rotation, position], outputs)
 

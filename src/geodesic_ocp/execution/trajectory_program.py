@@ -172,14 +172,14 @@ class ArmTerms(Course):
         return units, shares[:, limited], make(self.arm.robot, tuple(limited.tolist()))
 
     def hand_speeds(self, pieces: Indices, shares: Array) -> Block:
-        """Return squared speeds of the hand at a quarter and three quarters of some of the pieces,
+        """Return squared speeds of the hands at a quarter and three quarters of some of the pieces,
         within shares (k, 1) of the limit.
         """
         ends = self.indices(pieces), self.indices(pieces + 1)
         columns = np.hstack([*ends, self.knots.interval[pieces, None]])
         units = [*self.units[1:3].ravel(), self.arm.limits.hand_speed]
         values = np.hstack([self.knots.fraction[pieces, None], np.tile(units, (pieces.size, 1))])
-        upper = np.repeat(shares**2, 2, axis=1)
+        upper = np.repeat(shares**2, 2 * len(self.arm.robot.hands), axis=1)
         lower = np.full_like(upper, -np.inf)
         return Block(_hand_speeds(self.arm.robot), columns, values, lower, upper)
 
@@ -246,7 +246,7 @@ def _torque_rates(robot: Model, limited: tuple[int, ...]) -> Terms:
 
 @lru_cache(maxsize=16)
 def _hand_speeds(robot: Model) -> Terms:
-    n, rows = robot.dof, []
+    n, rows = robot.dof, list[ca.SX]()
     z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2 + 2 * n)
     q, v, a, _, _, a1 = ca.vertsplit(z[:-1], n)
     fraction, speed, growth, limit = ca.vertsplit(p, [0, 1, 1 + n, 1 + 2 * n, 2 + 2 * n])
@@ -254,7 +254,7 @@ def _hand_speeds(robot: Model) -> Terms:
     for s in (0.25, 0.75):
         at = q + s * h * (v + s * h * (a / 2 + s * change / 6))
         velocity = hand_velocity(robot)(at, v + s * h * (a + s * change / 2))
-        rows.append(ca.sumsqr(velocity / limit))
+        rows += map(ca.sumsqr, ca.vertsplit(velocity / limit, 3))
     return Terms(z, p, 0.0, ca.vertcat(*rows))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -215,6 +216,29 @@ class Model:
     def _pose(self, frame: int, q: Any) -> Any:
         rotation, position = self._functions.value("frame_pose", frame, q=q)
         return rotation, position if is_symbolic(q) else position[..., 0]
+
+    def stacked_poses(self, frames: Sequence[str], q: Any) -> Any:
+        """Return poses of h frames below each other: rotations (3 h, 3) and positions (3 h,) [m].
+
+        For k configurations (k, n): rotations (k, 3 h, 3) and positions (k, 3 h).
+        """
+        rotations, positions = zip(*(self.frame_pose(frame, q) for frame in frames), strict=True)
+        if is_symbolic(q):
+            return ca.vertcat(*rotations), ca.vertcat(*positions)
+        return np.concatenate(rotations, axis=-2), np.concatenate(positions, axis=-1)
+
+    def stacked_jacobians(self, frames: Sequence[str], q: Any) -> Any:
+        """Return Jacobians of h frames below each other (6 h, n), see `hand_jacobian`."""
+        indices = [frame_index(self.pin, frame) for frame in frames]
+        found = [self._functions.value("jacobian", index, q=q) for index in indices]
+        return ca.vertcat(*found) if is_symbolic(q) else np.concatenate(found, axis=-2)
+
+    @cached_property
+    def shared_joints(self) -> tuple[str, ...]:
+        """Names of the joints that move all hands, of a waist; none for a single hand."""
+        chains = [list(self.pin.supports[self.joint_of(hand)])[1:] for hand in self.hands]
+        shared = set(chains[0]).intersection(*chains[1:]) if len(chains) > 1 else set()
+        return tuple(str(self.pin.names[index]) for index in chains[0] if index in shared)
 
     def moves(self, frame: str) -> bool:
         """Return whether any of the joints moves the frame.

@@ -132,7 +132,7 @@ def nearest_configuration(search: PoseSearch, weights: tuple[float, float]) -> A
         NotConverged: no start led to a configuration that is clear of the collision bodies.
     """
     search = replace(search, bound=np.full(len(search.rows), np.inf))
-    rows = np.repeat(weights, 3)[list(search.rows)]
+    rows = np.repeat(weights, 3)[np.array(search.rows) % 6]
     starts = search.starts(_STARTS_NEAREST)
     _, nearest, _ = search.simultaneously(starts, rows, len(starts))
     best: list[Array] = []

@@ -296,15 +296,17 @@ class PoseSearch:
     """Configurations of one model with a hand pose, sought from several starts.
 
     Attributes:
-        model: model whose hand it is.
+        model: model whose hands they are.
         near: configuration (n,) to stay near to.
-        position, rotation: position and rotation of the hand (3,), (3, 3).
-        rows: which of the six rows of the pose error (position, rotation vector) are part of it.
+        position, rotation: positions and rotations of h hands below each other, (3 h,), (3 h, 3).
+        rows: which of the six rows of the pose error (position, rotation vector) of each hand are
+            part of it.
         axes: axes (3, 3) of position errors.
         bound: bounds of the rows of the error: zero, or infinite where they are free.
         limits: whether the joints stay within their limits.
         bounds: lower and upper (n,) of the search.
         collisions: bodies that are kept apart.
+        hands: names of the hands; empty: the hand of the model.
     """
 
     model: Model
@@ -317,6 +319,7 @@ class PoseSearch:
     limits: bool
     bounds: tuple[Array, Array]
     collisions: CollisionAvoidance
+    hands: tuple[str, ...] = ()
 
     @classmethod
     def checked(
@@ -330,26 +333,34 @@ class PoseSearch:
         limits: bool = True,
         free: ArrayLike | None = None,
         collisions: CollisionAvoidance | None = None,
+        hands: tuple[str, ...] = (),
     ) -> PoseSearch:
         """Return the search for a pose as users give it; ValueError if it is malformed."""
         if position is None and rotation is None:
             raise ValueError(f"{caller} needs a position, a rotation or both")
-        rows = [0, 1, 2] if position is not None else []
-        rows += [3, 4, 5] if rotation is not None else []
+        count = max(len(hands), 1)
+        own = [0, 1, 2] if position is not None else []
+        own += [3, 4, 5] if rotation is not None else []
+        rows = [6 * number + row for number in range(count) for row in own]
         near = as_vector("near", near, as_model(model).dof)
         axes, num_free = complement(as_directions("free", free))
-        is_held = np.array([*(np.arange(3) >= num_free), True, True, True])[rows]
+        is_held = np.tile([*(np.arange(3) >= num_free), True, True, True], count)[rows]
+        blocks = [np.eye(3)] * count
+        if rotation is not None:
+            several = np.vsplit(np.asarray(rotation), count) if hands else [rotation]
+            blocks = [as_rotation("rotation", each) for each in several]
         return cls(
             model,
             near,
-            np.zeros(3) if position is None else as_vector("position", position, 3),
-            np.eye(3) if rotation is None else as_rotation("rotation", rotation),
+            np.zeros(3 * count) if position is None else as_vector("position", position, 3 * count),
+            np.vstack(blocks),
             tuple(rows),
             axes,
             np.where(is_held, 0.0, np.inf),
             limits,
             search_bounds(model, near, limits)[:2],
             collisions or CollisionAvoidance(),
+            hands,
         )
 
     def starts(self, count: int) -> list[Array]:
@@ -413,7 +424,7 @@ class PoseSearch:
             arguments: list[Any] = [np.ascontiguousarray(q), p]
             results: list[Any] = [np.empty((count, m)), np.empty((count, n, m))]
             buffer: Any
-            buffer, call = _error_function(self.model, self.rows, count).buffer()
+            buffer, call = _error_function(self.model, self.rows, count, self.hands).buffer()
             for index, (argument, result) in enumerate(zip(arguments, results, strict=True)):
                 buffer.set_arg(index, memoryview(argument))
                 buffer.set_res(index, memoryview(result))
@@ -425,7 +436,7 @@ class PoseSearch:
 
     def is_clear(self, q: Array) -> bool:
         """Return whether the collision bodies keep their distance at a configuration (n,)."""
-        program, _ = _program(self.model, self.rows, self.collisions.bodies)
+        program, _ = _program(self.model, self.rows, self.collisions.bodies, self.hands)
         count = len(self.rows)
         x = np.concatenate([q, np.zeros(count)])
         _, g = program.nlp(x, self._parameters(0.0, np.zeros(count)))
@@ -443,7 +454,7 @@ class PoseSearch:
         min stay |q - near|^2 / 2 + |weights e|^2 / 2 over q and the pose errors e, |e| <= bound.
         """
         n, count, (lower, upper) = self.model.dof, len(self.rows), self.bounds
-        program, errors = _program(self.model, self.rows, self.collisions.bodies)
+        program, errors = _program(self.model, self.rows, self.collisions.bodies, self.hands)
         num_distances = program.size_g - count
         least = np.repeat([0.0, self.collisions.margin], [count, num_distances])
         most = np.repeat([0.0, np.inf], [count, num_distances])
@@ -462,52 +473,77 @@ class PoseSearch:
 
 
 @lru_cache(maxsize=32)
-def _pose_errors(model: Model, rows: tuple[int, ...]) -> ca.Function:
+def _pose_errors(model: Model, rows: tuple[int, ...], hands: tuple[str, ...] = ()) -> ca.Function:
     """Return the pose errors (q, p) -> e; p: near, position, rotation, axes, stay, weights."""
-    n = model.dof
-    q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + 22 + len(rows))
-    position, rotation, axes = ca.vertsplit(p[n : n + 21], [0, 3, 12, 21])
-    hand_rotation, hand_position = model.hand_pose(q)
-    errors = ca.vertcat(
-        ca.reshape(axes, 3, 3).T @ (hand_position - position),
-        rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation),
-    )[list(rows)]
-    return ca.Function("pose_errors", [q, p], [errors])
+    n, named = model.dof, hands or (model.hand,)
+    edges = np.cumsum([0, 3 * len(named), 9 * len(named), 9]).tolist()
+    q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + edges[-1] + 1 + len(rows))
+    position, rotation, axes = ca.vertsplit(p[n : n + edges[-1]], edges)
+    error = stacked_error(
+        model, named, q, position, ca.reshape(rotation, 3 * len(named), 3), ca.reshape(axes, 3, 3)
+    )
+    return ca.Function("pose_errors", [q, p], [error[list(rows)]])
+
+
+def stacked_error(
+    model: Model, hands: Sequence[str], q: ca.SX, position: ca.SX, rotation: ca.SX, axes: Any
+) -> ca.SX:
+    """Return the six rows of the pose error of each of h hands (6 h, 1), positions in some axes.
+
+    Args:
+        model, hands, q: the hands of a model at q (n,).
+        position, rotation: their targets (3 h, 1) and (3 h, 3).
+        axes: (3, 3), in columns.
+    """
+    errors = []
+    for number, hand in enumerate(hands):
+        own = slice(3 * number, 3 * number + 3)
+        hand_rotation, hand_position = model.frame_pose(hand, q)
+        errors.append(axes.T @ (hand_position - position[own]))
+        errors.append(rotation_log(rotation[own, :].T @ hand_rotation))
+    stacked: ca.SX = ca.vertcat(*errors)
+    return stacked
 
 
 @lru_cache(maxsize=32)
-def errors_and_twists(model: Model, rows: tuple[int, ...]) -> ca.Function:
+def errors_and_twists(
+    model: Model, rows: tuple[int, ...], hands: tuple[str, ...] = ()
+) -> ca.Function:
     """Return pose errors, and how they change with the joints.
 
     The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
     which it approaches as the error vanishes, and which changes its length in the same way.
     """
-    function = _pose_errors(model, rows)
+    function, named = _pose_errors(model, rows, hands), hands or (model.hand,)
     q, p = (ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate("qp"))
-    rotation, _ = model.hand_pose(q)
-    jacobian = model.hand_jacobian(q)
-    axes = ca.reshape(p[model.dof + 12 : model.dof + 21], 3, 3)
-    twists = ca.vertcat(axes.T @ jacobian[:3, :], rotation.T @ jacobian[3:, :])[list(rows), :]
-    outputs = ca.cse([function(q, p), ca.densify(twists)])
+    first = model.dof + 12 * len(named)
+    axes, twists = ca.reshape(p[first : first + 9], 3, 3), []
+    for hand in named:
+        jacobian = model.stacked_jacobians([hand], q)
+        rotation, _ = model.frame_pose(hand, q)
+        twists += [axes.T @ jacobian[:3, :], rotation.T @ jacobian[3:, :]]
+    outputs = ca.cse([function(q, p), ca.densify(ca.vertcat(*twists)[list(rows), :])])
     return ca.Function("pose_errors", [q, p], outputs)
 
 
 @lru_cache(maxsize=256)
-def _error_function(model: Model, rows: tuple[int, ...], count: int) -> ca.Function:
+def _error_function(
+    model: Model, rows: tuple[int, ...], count: int, hands: tuple[str, ...]
+) -> ca.Function:
     """Return pose errors (m, count) and their Jacobians, side by side, of many configurations."""
-    function = errors_and_twists(model, rows)
+    function = errors_and_twists(model, rows, hands)
     return function.map("pose_errors", "serial", count, [1], [])
 
 
 @lru_cache(maxsize=32)
 def _program(
-    model: Model, rows: tuple[int, ...], bodies: tuple[Any, Any, Any]
+    model: Model, rows: tuple[int, ...], bodies: tuple[Any, Any, Any], hands: tuple[str, ...]
 ) -> tuple[Ipopt, ca.Function]:
     """Return the program in x = (q, e), and the pose errors e (q, p); then come the distances."""
     n, count = model.dof, len(rows)
-    function = _pose_errors(model, rows)
+    function = _pose_errors(model, rows, hands)
     q, e, p = ca.SX.sym("q", n), ca.SX.sym("e", count), ca.SX.sym("p", function.size1_in(1))
-    near, stay, weights = p[:n], p[n + 21], p[n + 22 :]
+    near, stay, weights = p[:n], p[-count - 1], p[-count:]
     obstacles, links, pairs = bodies
     distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
     f = stay * ca.sumsqr(q - near) / 2 + ca.sumsqr(weights * e) / 2

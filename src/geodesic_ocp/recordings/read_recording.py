@@ -8,16 +8,18 @@ from dataclasses import replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side, trunk
+from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.human import (
     DEFAULT_HEIGHT,
     DEFAULT_MASS,
     as_stature,
     human_arm,
+    human_upper_body,
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
@@ -119,7 +121,7 @@ def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 def read_recording(
     path: str | PathLike[str],
-    side: Side = "right",
+    side: Side | Literal["both"] = "right",
     *,
     height: float | None = None,
     mass: float | None = None,
@@ -135,7 +137,7 @@ def read_recording(
     up: Axis | None = None,
     marker_set: MarkerSet | str | PathLike[str] | None = None,
 ) -> Recording:
-    """Read a recording of a human arm, filter it, and scale an arm to the person.
+    """Read a recording of one or both human arms, filter it, and scale a model to the person.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -145,7 +147,8 @@ def read_recording(
     Args:
         path: path of the file, in any format of `read_motion`, or of markers (`read_markers`), to
             which the motion is fitted, with the lengths of the arm (`fit_markers`).
-        side: "right" or "left".
+        side: "right", "left", or "both" as one model: `human_upper_body` where the recording has
+            the trunk's joints, otherwise both arms beside each other (`combine`).
         height: height of the person [m]; by default that in the file, or of the markers, or 1.75 m.
         mass: mass of the person [kg]; by default that in the file, or 70 kg.
         armature: joint inertia of every joint of the arm [kg m^2].
@@ -183,8 +186,9 @@ def read_recording(
             unfiltered = True  # the fit has smoothed it
     else:
         fit = None
-        motion = read_motion(file, human_arm(side).joint_names, **stated)
-        arm = _arm_of(motion.subject, file, side, height, mass, armature)
+        motion = _motion_of(file, side, stated)
+        has_trunk = "BPx_joint" in motion.joint_names
+        arm = _arm_of(motion.subject, file, side, height, mass, armature, has_trunk)
     with named_failures(file):
         check_plausible(arm, motion)
         ask_about_limits(arm, motion, str(file))
@@ -198,8 +202,19 @@ def read_recording(
     return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name, fit)
 
 
+def _motion_of(file: Path, side: Side | Literal["both"], stated: dict[str, Any]) -> Motion:
+    """Return the joints of an arm, or of both, with those of the trunk if the file has them."""
+    if side != "both":
+        return read_motion(file, human_arm(side).joint_names, **stated)
+    try:
+        return read_motion(file, human_upper_body().joint_names, **stated)
+    except RecordingError:
+        names = [name for each in get_args(Side) for name in human_arm(each).joint_names]
+        return read_motion(file, names, **stated)
+
+
 def check_arguments(
-    side: Side,
+    side: Side | Literal["both"],
     up: Axis | None,
     numbers: Mapping[str, Any],
     *,
@@ -208,7 +223,7 @@ def check_arguments(
     """Check arguments of `read_recording` that do not depend on the file.
 
     Args:
-        side: "right" or "left".
+        side: "right", "left" or "both".
         up: axis that points upwards, or None.
         numbers: height, mass, cutoff and duration.
         unfiltered: whether the motion is not to be filtered.
@@ -226,7 +241,8 @@ def check_arguments(
     if len(filters) + unfiltered > 1:
         allowed = "cutoff, duration and unfiltered" if unfiltered else "cutoff and duration"
         raise ValueError(f"give only one of {allowed}, got {' and '.join(filters)}")
-    human_arm(side)  # raises for another side
+    if side != "both":
+        human_arm(side)  # raises for another side
     if up is not None:
         as_axis(up)
 
@@ -234,12 +250,17 @@ def check_arguments(
 def _arm_of(
     subject: Subject,
     file: Path,
-    side: Side,
+    side: Side | Literal["both"],
     height: float | None,
     mass: float | None,
     armature: float,
+    has_trunk: bool = True,
 ) -> Model:
-    """Return the arm of the person; ValueError for a height or mass that no person has."""
+    """Return the arm of the person, or both, with the trunk if it is known.
+
+    Raises:
+        ValueError: a height or mass that no person has.
+    """
     stature = stature_of(subject, height, mass)
     try:
         as_stature(*stature)
@@ -247,7 +268,7 @@ def _arm_of(
         if height is None and mass is None:
             raise RecordingError(f"{file}: {error}") from None
         raise
-    return _arm(side, *stature, armature)
+    return _arm(side, *stature, armature, has_trunk)
 
 
 def _fitted(
@@ -265,8 +286,16 @@ def _fitted(
 
 
 @lru_cache(maxsize=8)  # recordings of one person share the arm and what was compiled for it
-def _arm(side: Side, height: float, mass: float, armature: float) -> Model:
-    return human_arm(side, height, mass, armature=armature)
+def _arm(
+    side: Side | Literal["both"], height: float, mass: float, armature: float, has_trunk: bool
+) -> Model:
+    if side != "both":
+        return human_arm(side, height, mass, armature=armature)
+    if has_trunk:
+        return human_upper_body(height, mass, armature=armature)
+    arms = [human_arm(each, height, mass, armature=armature) for each in get_args(Side)]
+    across = trunk().half_width * height
+    return combine(*arms, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
 
 
 def stature_of(

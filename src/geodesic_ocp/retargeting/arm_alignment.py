@@ -267,6 +267,9 @@ _KNOWN = {
 }
 
 
+# Robots whose proposal was found right: the shoulder is where axes meet, away from any joint.
+_AS_PROPOSED = ("g1-right-arm", "g1-left-arm")
+
 _FIELDS = ("shoulder", "base", "hand", "length")
 _OPTIONAL = ("side", "elbow", "wrist", "parallel_gripper")
 _OTHER = ("format", "version", "help", "notes")
@@ -318,9 +321,10 @@ def _axes(field: str, record: Any, names: tuple[str, ...]) -> list[Array]:
 def propose_alignment(robot: Model, *, side: Side | None = None) -> Alignment:
     """Return an alignment of a robot's arm with a person's, from the chain of its joints alone.
 
-    The shoulder is where the axes of the first joints of the arm meet; joints of a torso before
-    them do not count. The hand reaches away from the centre of the wrist, and a single arm is
-    assumed to be mounted like a shoulder, with its first axis to the right and x forward.
+    The shoulder is where the axes of the first joints of the arm meet, with joints of a torso
+    before them at zero, which count for no length. The hand reaches away from the centre of the
+    wrist, and a single arm is assumed to be mounted like a shoulder, with its first axis to the
+    right and x forward.
     `geodesic-ocp align` shows all that was assumed, and writes a file to edit.
 
     >>> import geodesic_ocp as go
@@ -350,13 +354,13 @@ def proposal(robot: Model, side: Side | None = None) -> tuple[Alignment, tuple[s
     if found.crossing:
         reason = f"the shoulder is where the axes of {', '.join(found.crossing)} meet"
     if found.before:
-        reason += f"; {', '.join(found.before)} before it, at zero, not counted"
+        reason += (
+            f", with {', '.join(found.before)} before it at zero; they move like the joints of the "
+            "arm, unless the robot's base is behind them (base, --base)"
+        )
     shoulder = np.round(found.shoulder, 9) + 0.0  # as it is to be read in a file
     aligned = Alignment(shoulder, base, hand, found.length, chosen, found.elbow, found.wrist)
     return aligned, (reason, base_reason, *hand_reasons)
-
-
-_HUMAN: dict[str, Side] = {"human right arm": "right", "human left arm": "left"}
 
 
 def align(robot: Model, **changes: Any) -> Alignment:
@@ -399,23 +403,46 @@ def align(robot: Model, **changes: Any) -> Alignment:
 
 def known_alignment(robot: Model) -> Alignment | None:
     """Return the alignment of a known robot or of a person's arm, by the name of the model."""
+    if (person := _of_person(robot)) is not None:
+        return person
     name, _, _ = robot.name.partition(" with ")  # a payload
+    if name in ROBOTS:  # of a body, the arm whose hand it is
+        arms = [arm for arm in ROBOTS[name].arms if ROBOTS[arm].hand == robot.hand]
+        name = arms[0] if arms else name
+    if name in _AS_PROPOSED:
+        return proposal(robot)[0]
     known = _KNOWN.get(name)
-    if name in _HUMAN:
-        side, axes = _HUMAN[name], np.eye(3)
-        elbow, wrist = (f"{side[0].upper()}{each}_joint" for each in ("Ex", "Wx"))
-        return Alignment(np.zeros(3), axes, axes, robot.reach, side, elbow, wrist)
     if known is None:
         return None
     usual = ROBOTS[name]
-    if not all(robot.pin.existFrame(each) for each in (known.joint, usual.hand, usual.base)):
+    if not all(robot.pin.existFrame(str(each)) for each in (known.joint, usual.hand, usual.base)):
         return None
     home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
     base, hand = (np.array(columns, dtype=float).T for columns in (known.base, known.hand))
     # The model may have been loaded with another base, or another hand.
-    base = robot.frame_pose(usual.base, home)[0] @ base
+    base = robot.frame_pose(str(usual.base), home)[0] @ base
     hand = hand @ robot.frame_pose(usual.hand, home)[0].T @ robot.hand_pose(home)[0]
     _, shoulder = robot.frame_pose(known.joint, home)
     length = arm_length(robot, known.joint)
     gripper = usual.parallel_gripper and robot.hand == usual.hand
     return Alignment(shoulder, base, hand, length, known.side, known.elbow, known.wrist, gripper)
+
+
+_HUMAN = re.compile(r"human (upper body|(right|left) arm)")
+
+
+def _of_person(model: Model) -> Alignment | None:
+    """Return the alignment of a person's arm, alone, of both arms, or of an upper body; by the
+    names of the model and of the joints before the hand.
+    """
+    if not _HUMAN.match(model.name):
+        return None
+    chain = [str(model.pin.names[each]) for each in model.pin.supports[model.joint_of(model.hand)]]
+    axes, home = np.eye(3), np.zeros(model.dof)
+    for side in get_args(Side):
+        joints = [f"{side[0].upper()}{each}_joint" for each in ("Sx", "Ex", "Wx")]
+        if set(joints) <= set(chain):
+            shoulder = model.frame_pose(joints[0], home)[1]
+            length, (_, elbow, wrist) = arm_length(model, joints[0]), joints
+            return Alignment(shoulder, axes, axes, length, side, elbow, wrist)
+    return None

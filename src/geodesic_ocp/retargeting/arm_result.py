@@ -24,8 +24,8 @@ from geodesic_ocp.retargeting.candidates import Candidates
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.retargeting.waypoints import (
+    MISSED,
     REACHED,
-    ArmWaypoints,
     PairedArm,
     Pose,
     PoseMapping,
@@ -43,6 +43,7 @@ from geodesic_ocp.trajectory.time_law import time_law
 
 OUT_OF_REACH = "the pose is out of reach; the path ends near it"
 TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
+OTHER_HAND = "the path ends near the pose, as another hand's is missed"
 NEAR_MISS = "the path ends near the pose, which it would attain by a detour only"
 
 _BASELINE_RATE = 200.0  # [Hz], of the controller
@@ -84,37 +85,44 @@ class Transfer(ShortRepr):
     _shown = ("position_error", "rotation_error", "status")
 
 
-def unattained(
-    pair: PairedArm, waypoints: ArmWaypoints, layers: Sequence[Candidates]
-) -> PoseErrors:
+def unattained(pair: PairedArm, layers: Sequence[Candidates]) -> PoseErrors:
     """Return poses that none of the candidates at the waypoints attains."""
     numbers = [k for k, group in enumerate(pair.groups, 1) if group.kind != "rest"]
     found = {}
-    for number, pose, layer in zip((0, *numbers), waypoints.poses, layers, strict=False):
-        error = pose.error(pair.robot, layer.q[0])
+    for number, sample, layer in zip((0, *numbers), pair.key_samples, layers, strict=False):
+        error = pair.target(sample).error(pair.robot, layer.q[0])
         # A given start need not have the first pose.
         if not layer.within_reach and max(error) > REACHED:
             found[number] = error
     return found
 
 
-def transfers_on(
-    pair: PairedArm, paths: PlannedPaths, arm: int, out_of_reach: PoseErrors
-) -> list[Transfer]:
-    """Return the transfers of the arm with this number, from the program over all synergies."""
-    moved = zip(paths.paths[arm], paths.within_reach[arm][1:], strict=True)
-    found, q = list[Transfer](), paths.paths[arm][0].nodes[0]
+def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors) -> list[Transfer]:
+    """Return the transfers of an arm, or of one hand of a body, from the program over all
+    synergies.
+    """
+    own = paths.paths[pair.body]
+    moved = zip(own, paths.within_reach[pair.body][1:], strict=True)
+    found, q = list[Transfer](), own[0].nodes[0]
+    at = 0  # number of the waypoint
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":
             found.append(at_rest(pair, group, q))
             continue
+        at += 1
         path, is_attained = next(moved)
         q, pose, status = path.nodes[-1], pair.target(group.stop), paths.status
         errors = pose.error(pair.robot, q)
+        is_attained |= len(pair.hands) > 1 and max(errors) <= MISSED  # where another hand is not
         if number in out_of_reach:
             status = OUT_OF_REACH
         elif not is_attained:
-            status = TOO_NEAR if pair.is_missed(errors) else NEAR_MISS
+            near = (
+                NEAR_MISS
+                if len(pair.hands) == 1 or paths.near_misses[pair.body][at]
+                else OTHER_HAND
+            )
+            status = TOO_NEAR if pair.is_missed(errors) else near
         found.append(
             Transfer(path, pose, is_attained, *errors, paths.iterations, paths.success, status)
         )
@@ -164,6 +172,8 @@ class RetargetedArm(PairedArm):
         out_of_reach: distance [m] and angle [rad] of the nearest pose that inverse kinematics
             found, for poses out of reach, by number of the pose: 0 is the first pose, k the end of
             synergy k, counted from 1. `pose_errors` has what the motion achieves.
+        first: the result for the first hand of a body, whose motion and baseline are those of all;
+            None: this is it.
     """
 
     transfers: tuple[Transfer, ...]
@@ -171,6 +181,7 @@ class RetargetedArm(PairedArm):
     trajectory: JointTrajectory
     motion: Motion
     out_of_reach: PoseErrors
+    first: RetargetedArm | None = None
 
     def __repr__(self) -> str:
         distance, angle = np.max(list(self.pose_errors.values()), axis=0)
@@ -208,18 +219,17 @@ class RetargetedArm(PairedArm):
         transfers: Sequence[Transfer],
         out_of_reach: PoseErrors,
         planned: PlannedTrajectory,
-        number: int,
         rate: float,
     ) -> RetargetedArm:
-        """Get the result for the arm with this number in a trajectory, sampled at a rate [Hz]."""
-        robot, recorded = pair.robot, pair.analysis.motion
+        """Get the result for an arm in a trajectory, sampled at a rate [Hz]."""
+        robot, recorded, number = pair.robot, pair.analysis.motion, pair.body
         times = planned.robot_time(recorded.time)
         q, v, _, _ = planned.states(times, number)
         q = np.clip(q, robot.lower, robot.upper) if pair.settings.within_limits else q
         return cls(
             **{each.name: getattr(pair, each.name) for each in fields(PairedArm)},
             transfers=tuple(transfers),
-            synergies=_timed(pair, transfers, planned, number),
+            synergies=_timed(pair, transfers, planned),
             trajectory=planned.sampled(rate, number),
             motion=Motion(times, q, robot.joint_names, v, recorded.subject),
             out_of_reach=out_of_reach,
@@ -227,13 +237,17 @@ class RetargetedArm(PairedArm):
 
     @cached_property
     def baseline(self) -> JointTrajectory:
-        """Inverse kinematics that tracks the hand on its whole way, in the same time and limits.
+        """Inverse kinematics that tracks the hand on its whole way, in the same time and limits; of
+        a body, all its hands.
 
         It begins in that of several configurations with the first pose from which the hand follows
         best; if a start was given, in that or in the nearest one with the pose.
         """
+        if self.first is not None:
+            return self.first.baseline
         motion, time, settings = self.analysis.motion, self.motion.time, self.settings
-        first, start = self.target(self.groups[0].start), self.motion.q[0]
+        begin = self.groups[0].start
+        (first,), start = self.targets(motion.q[begin : begin + 1]), self.motion.q[0]
         is_there, is_given = max(first.error(self.robot, start)) <= _CLOSE, self.start is not None
         starts, count = [start] if is_there else [], 1 if is_given else _STARTS
         if len(starts) < count:
@@ -244,13 +258,14 @@ class RetargetedArm(PairedArm):
 
         def poses(instants: Array) -> tuple[Array, Array]:
             # Robot time is a piecewise linear function of the recording's time.
-            return self.mapping(motion(np.interp(instants, time, motion.time)))
+            return self.mapped(motion(np.interp(instants, time, motion.time)))
 
         return track_within_limits(
             *(self.bounded, starts[:count], time, poses, self.limits),
             rate=_BASELINE_RATE,
             turning=first.rotation is not None,
             placing=first.position is not None,
+            hands=self.hands,
         )
 
     @cached_property
@@ -296,19 +311,18 @@ class RetargetedArm(PairedArm):
         """Names of the person's arm and of the robot."""
         mirrored = " (mirrored)" if self.mapping.mirror else ""
         turned = ", gripper turned by 180 degrees" if self.mapping.turned else ""
-        return f"{self.analysis.model.name}{mirrored} on {self.robot.name}{turned}"
+        return f"{self.analysis.model.name}{mirrored} on {self.name}{turned}"
 
 
 def _timed(
-    pair: PairedArm, transfers: Sequence[Transfer], planned: PlannedTrajectory, number: int
+    pair: PairedArm, transfers: Sequence[Transfer], planned: PlannedTrajectory
 ) -> tuple[Synergy, ...]:
     """Return the robot's synergies: paths with time laws of least acceleration.
 
-    Durations and speeds at the ends are those of the trajectory; `number` is that of this arm in
-    it.
+    Durations and speeds at the ends are those of the trajectory.
     """
     times = planned.robot_time(pair.edges)
-    q, v, _, _ = planned.states(times, number)
+    q, v, _, _ = planned.states(times, pair.body)
     paths = [transfer.path for transfer in transfers]
     mean = np.array([path.length for path in paths]) / np.diff(times)
     fastest = np.minimum(np.append(mean, mean[-1]), np.append(mean[0], mean)) * _MONOTONE
@@ -332,6 +346,7 @@ def compare_under_equal_limits(
     turning: bool = True,
     placing: bool = True,
     starts: ArrayLike | None = None,
+    body: PairedArm | None = None,
 ) -> dict[str, MotionMeasures]:
     """Return measures of an arm's planned motion, and of inverse kinematics of the person's hand.
 
@@ -345,11 +360,13 @@ def compare_under_equal_limits(
         arm: number of the arm.
         rate: rate of the samples and of inverse kinematics [Hz].
         turning, placing, starts: of inverse kinematics, see `compare_with_tracking`.
+        body: the hand of a body whose errors are measured; its other hands are tracked with it.
 
     Returns:
         Measures by the name of the method, see `measures_table`.
     """
     own = planned.arms[arm]
+    robot = own.robot if body is None else own.robot.with_hand(body.robot.hand)
     trajectory = planned.sampled(rate, arm)
     clock = PchipInterpolator(planned.robot_edges, planned.edges)
     recorded = clock(np.minimum(trajectory.time, planned.robot_edges[-1]))
@@ -358,15 +375,18 @@ def compare_under_equal_limits(
         return motion(np.clip(instants, *motion.time[[0, -1]]))
 
     offsets = None
-    if has_elbow(own.robot, mapping.target) and has_elbow(mapping.model, mapping.source):
-        offset = elbow_function(own.robot, mapping.target)
+    if has_elbow(robot, mapping.target) and has_elbow(mapping.model, mapping.source):
+        offset = elbow_function(robot, mapping.target)
         offsets = (
             lambda q: np.asarray(offset(q.T).full().T),
             lambda instants: mapping.elbow_offsets(posture(instants)),
         )
     return compare_with_tracking(
-        *(own.robot, trajectory, recorded, lambda instants: mapping(posture(instants)), own.limits),
+        *(robot, trajectory, recorded, lambda instants: mapping(posture(instants)), own.limits),
         gravity=own.gravity,
+        together=None
+        if body is None
+        else (body.hands, lambda instants: body.mapped(posture(instants))),
         elbow_offsets=offsets,
         turning=turning,
         placing=placing,

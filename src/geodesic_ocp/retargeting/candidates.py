@@ -26,6 +26,7 @@ from geodesic_ocp.retargeting.waypoints import (
     ObjectiveWeights,
     middle_of_ranges,
     nearest_configurations,
+    upright,
 )
 
 _STARTS = 96  # of the search at each waypoint
@@ -96,6 +97,8 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
             found.append(Candidates.attaining(waypoints.start))
             continue
         starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
+        if waist := [waypoints.arm.joint_names.index(each) for each in waypoints.arm.shared_joints]:
+            starts[:, waist] = upright(waypoints.arm)[waist]
         before = found[-1].q[:_CARRIED] if found else middle[None]
         layer = candidates_near(waypoints, number, np.vstack([before, starts]))
         found.append(_reached(layer, waypoints, number))
@@ -107,13 +110,12 @@ def _reached(layer: Candidates, waypoints: ArmWaypoints, number: int) -> Candida
     arm, near, pose = waypoints.arm, layer.q[0], waypoints.poses[number]
     if layer.within_reach:
         return layer
-    if pose.position is not None:
+    if pose.position is not None and not waypoints.others:
         joint = arm.frame_pose(arm.joint_names[0], np.zeros(arm.dof))[1]
         if np.linalg.norm(pose.position - joint) > arm.reach:  # farther than the hand ever is
             return layer
-    search = PoseSearch.checked(
-        "retarget", arm, near, pose.position, pose.rotation, limits=waypoints.limited
-    )
+    given = arm, near, pose.position, pose.rotation
+    search = PoseSearch.checked("retarget", *given, limits=waypoints.limited, hands=pose.hands)
     q = nearest_configuration(search, waypoints.weights)
     if max(pose.error(arm, q)) <= _PERHAPS:  # else to attain it exactly would be tried in vain
         q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
@@ -130,7 +132,7 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
     """Return configurations at one waypoint, each near one of the starts (k, n)."""
     arm, pose = waypoints.arm, waypoints.poses[number]
     given = arm, starts[0], pose.position, pose.rotation
-    search = PoseSearch.checked("retarget", *given, limits=waypoints.limited)
+    search = PoseSearch.checked("retarget", *given, limits=waypoints.limited, hands=pose.hands)
     free = np.full(arm.dof, np.inf)
     search = replace(search, bounds=(arm.lower, arm.upper) if waypoints.limited else (-free, free))
     q, errors = search.from_every_start(np.clip(starts, *search.bounds), waypoints.row_weights)
@@ -357,16 +359,10 @@ def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
     """Return squared distance (k,) of the hand from the person's halfway through a movement, at q
     (k, n).
 
-    In units of 1 rad and of a fraction of the arm's length, per movement. Of two ways around, on
-    which the hand turns to either side, one is that of the person.
+    In units of 1 rad and of a fraction of the arm's length, per movement and hand. Of two ways
+    around, on which the hand turns to either side, one is that of the person.
     """
-    rotations, positions = waypoints.arm.hand_pose(middle)
-    rotation, position = (each[0] for each in waypoints.hand(np.array([number + 0.5])))
-    total = np.zeros(len(middle))
-    if 3 in waypoints.rows:
-        cosines = (np.einsum("ij,kij->k", rotation, rotations) - 1.0) / 2.0
-        total += np.arccos(np.clip(cosines, -1.0, 1.0)) ** 2
-    if 0 in waypoints.rows:
-        unit = _FAR * waypoints.alignment.length
-        total += np.sum((positions - position) ** 2, axis=1) / unit**2
-    return np.asarray(total / waypoints.count)
+    (pose,) = waypoints.hand(np.array([number + 0.5]))
+    distances, angles = pose.errors(waypoints.arm, middle)
+    squares = angles**2 + (distances / (_FAR * waypoints.alignment.length)) ** 2
+    return np.asarray(squares.mean(axis=1) / waypoints.count)

@@ -115,6 +115,8 @@ class LiveRetargeting:
         threshold: float = 0.6,
     ) -> None:
         self.person, self.robot = as_model(person), as_model(robot)
+        if len(robot.hands) > 1:
+            raise ValueError("robot: must have one hand; load one of its arms")
         source = align(person) if person_alignment is None else person_alignment
         target = align(robot) if alignment is None else alignment
         check_joints(source, person)

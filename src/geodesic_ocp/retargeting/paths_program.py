@@ -170,20 +170,19 @@ class ArmPart:
         return [*found, self.hand_block(first), self.waypoint_block(first, weights)]
 
     def hand_block(self, first: int) -> Block:
-        """Return costs of the hand's distance and angle from the person's at the nodes, whose sum
+        """Return costs of the hands' distances and angles from the person's at the nodes, whose sum
         is a mean along the paths.
         """
         given, grid = self.waypoints, self.grid
         edges = grid.breakpoints[[0, *self.last_segments]]
-        rotations, positions = given.hand(np.interp(grid.nodes, edges, np.arange(edges.size)))
+        poses = given.hand(np.interp(grid.nodes, edges, np.arange(edges.size)))
         counted = [0 in given.rows, 3 in given.rows]
         units = np.where(counted, 1.0 / np.array(given.path_tolerance), 0.0)
-        columns = rotations.transpose(0, 2, 1).reshape(grid.size, 9)
-        values = np.hstack([positions, columns, np.tile(units, (grid.size, 1))])
+        values = np.array([[*pose.numbers, *units] for pose in poses])
         shares = np.append(grid.weights[:, :-1].ravel(), 0.0)
         shares[grid.degree :: grid.degree] += grid.weights[:, -1]
         places = first + self.dof * np.arange(grid.size)[:, None] + np.arange(self.dof)
-        return Block(_off_the_hand(given.arm), places, values, weights=_HAND * shares)
+        return Block(_off_the_hands(given.arm, given.hands), places, values, weights=_HAND * shares)
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
         """Return poses and postures at the waypoints.
@@ -199,12 +198,13 @@ class ArmPart:
         free = self.missed > 0.0
         free[0] |= given.start is not None
         upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
-        lower, squares = np.full((count, len(given.rows) + 2), -np.inf), np.full((count, 2), np.inf)
-        lower[:, :-2] = -upper
+        hands = len(given.hands)
+        lower = np.full((count, len(given.rows) + 2 * hands), -np.inf)
+        squares = np.full((count, 2 * hands), np.inf)
+        lower[:, : -2 * hands] = -upper
         for k in np.flatnonzero(self.allowed).tolist():
-            squares[k] = np.where(
-                [0 in given.rows, 3 in given.rows], np.square(given.allowed[k]), np.inf
-            )
+            own = np.where([0 in given.rows, 3 in given.rows], np.square(given.allowed[k]), np.inf)
+            squares[k] = np.tile(own, hands)
         share = np.full(count, 1.0 / count)
         return Block(given.terms, places, np.array(rows), lower, np.hstack([upper, squares]), share)
 
@@ -413,23 +413,28 @@ _HAND = 0.3  # weight of the hand's distance or angle from the person's, in unit
 
 
 @lru_cache(maxsize=16)
-def _off_the_hand(arm: Model) -> Terms:
-    """Return a cost of the hand's distance x and angle y from the person's, in units of the
+def _off_the_hands(arm: Model, hands: tuple[str, ...]) -> Terms:
+    """Return a cost of the distance x and angle y of each hand from the person's, in units of the
     tolerance.
 
     sqrt(1 + x^2) - 1 + sqrt(1 + y^2) - 1: squares nearby and proportional far off, so that a detour
     that cannot be avoided does not become slow.
     """
-    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", 14)
-    position, rotation, units = ca.vertsplit(p, [0, 3, 12, 14])
-    hand_rotation, hand_position = arm.hand_pose(q)
-    # |R - R'|^2 / 2 = 2 (1 - cos y), nearly y^2
-    squares = (
-        ca.sumsqr(hand_position - position),
-        ca.sumsqr(ca.vec(hand_rotation) - rotation) / 2.0,
-    )
-    roots = (ca.sqrt(1.0 + units[k] ** 2 * each) - 1.0 for k, each in enumerate(squares))
-    return Terms(q, p, sum(roots))
+    count, cost = len(hands), ca.SX(0)
+    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", 12 * count + 2)
+    position, rotation, units = ca.vertsplit(p, [0, 3 * count, 12 * count, 12 * count + 2])
+    rotation = ca.reshape(rotation, 3 * count, 3)
+    for number, hand in enumerate(hands):
+        own = slice(3 * number, 3 * number + 3)
+        hand_rotation, hand_position = arm.frame_pose(hand, q)
+        # |R - R'|^2 / 2 = 2 (1 - cos y), nearly y^2
+        squares = (
+            ca.sumsqr(hand_position - position[own]),
+            ca.sumsqr(hand_rotation - rotation[own, :]) / 2.0,
+        )
+        for unit, square in zip(ca.vertsplit(units), squares, strict=True):
+            cost += ca.sqrt(1.0 + unit**2 * square) - 1.0
+    return Terms(q, p, cost)
 
 
 @lru_cache(maxsize=1)

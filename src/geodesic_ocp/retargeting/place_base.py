@@ -153,6 +153,8 @@ def place_base(
         raise ValueError(
             "mirrored: the side of the alignment must be known, and settings.mirror be None"
         )
+    if len(pairs) > len(given):
+        raise ValueError("robot: must have one hand; load one of its arms")
     lower, upper = np.transpose(bounds)
     return _BaseSearch(tuple(pairs), lower, upper, mirrored).best()
 
@@ -239,7 +241,7 @@ class _BaseSearch:
             mapping = _mapped(pair, alignment)
             poses = mapping(pair.analysis.motion.q)
             found.append(
-                arm_waypoints(replace(pair, mapping=mapping, target_poses=poses), _TOLERANCE)
+                arm_waypoints(replace(pair, mappings=(mapping,), target_poses=poses), _TOLERANCE)
             )
         return tuple(found)
 

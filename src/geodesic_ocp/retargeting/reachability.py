@@ -372,9 +372,9 @@ def scaled_to_fit(pairs: Sequence[PairedArm]) -> list[PairedArm]:
         best = min(best, factor)
     fitted = []
     for pair in pairs:
-        mapping = replace(pair.mapping, scale=best * pair.mapping.scale)
-        poses = mapping(pair.analysis.motion.q)
-        fitted.append(replace(pair, mapping=mapping, target_poses=poses))
+        mappings = tuple(replace(each, scale=best * each.scale) for each in pair.mappings)
+        scaled = replace(pair, mappings=mappings)
+        fitted.append(replace(scaled, target_poses=scaled.mapping(pair.analysis.motion.q)))
     return fitted
 
 

@@ -47,7 +47,7 @@ class Retargeting:
     """A person's synergies on a robot, or on several arms at once.
 
     Attributes:
-        arms: the result for each arm; usually there is one.
+        arms: the result for each arm, or for each hand of a body; usually there is one.
         planned: the trajectory in continuous time.
         paths: what the program over all synergies found; None for free geodesics.
         clearance: the distances that were to be kept; None: none are known.
@@ -73,9 +73,15 @@ class Retargeting:
         return markdown(self.table())
 
     @property
+    def bodies(self) -> tuple[RetargetedArm, ...]:
+        """The arms, each once: of a body with several hands, that of the first hand."""
+        first = {arm.body: arm for arm in reversed(self.arms)}
+        return tuple(first[number] for number in sorted(first))
+
+    @property
     def synergies(self) -> tuple[Synergy, ...]:
         """The robot's synergies, one arm after the other."""
-        return tuple(synergy for arm in self.arms for synergy in arm.synergies)
+        return tuple(synergy for arm in self.bodies for synergy in arm.synergies)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -90,7 +96,7 @@ class Retargeting:
     @cached_property
     def motion(self) -> Motion:
         """The robot's motion, all joints, at the samples of the recording, in robot time."""
-        motions = [arm.motion for arm in self.arms]
+        motions = [arm.motion for arm in self.bodies]
         q = np.hstack([each.q for each in motions])
         v = np.hstack([np.asarray(each.velocity) for each in motions])
         return Motion(motions[0].time, q, self.joint_names, v)
@@ -133,7 +139,7 @@ class Retargeting:
         """Joints that cannot hold their arm on its paths, and whose torque is not limited."""
         return tuple(
             name
-            for arm, timed in zip(self.arms, self.planned.arms, strict=True)
+            for arm, timed in zip(self.bodies, self.planned.arms, strict=True)
             for name, given, used in zip(
                 arm.robot.joint_names, arm.limits.torque, timed.limits.torque, strict=True
             )
@@ -158,9 +164,9 @@ class Retargeting:
             clearance = replace(clearance, lower=np.full(len(clearance.names), _TOUCHING))
         return check_trajectory(
             self.trajectory,
-            [arm.robot for arm in self.arms],
-            [arm.limits for arm in self.arms],
-            gravity=[arm.gravity for arm in self.arms],
+            [arm.robot for arm in self.bodies],
+            [arm.limits for arm in self.bodies],
+            gravity=[arm.gravity for arm in self.bodies],
             rest=self.settings.rest,
             clearance=clearance,
         )
@@ -172,12 +178,13 @@ class Retargeting:
         of the hand, and the time that it takes (`compare_under_equal_limits`).
 
         Args:
-            arm: number of the arm.
+            arm: number of the arm, or of the hand of a body.
         """
         one, settings = self.arms[arm], self.settings
         found = compare_under_equal_limits(
             *(self.planned, one.analysis.motion, one.mapping),
-            arm=arm,
+            arm=one.body,
+            body=one if len(one.hands) > 1 else None,
             rate=self.rate,
             turning=settings.orientation_weight > 0.0,
             placing=settings.position_weight > 0.0,
@@ -215,7 +222,7 @@ class Retargeting:
             for number, (group, synergy, transfer) in enumerate(parts, 1):
                 rows.append(
                     {
-                        "arm": arm.robot.name,
+                        "arm": arm.name,
                         "synergy": number,
                         "person's synergies": _span(group.members),
                         "dropped": _span(group.dropped),
@@ -232,7 +239,7 @@ class Retargeting:
                 )
         notes = []
         for arm in self.arms:
-            name, (distance, angle) = arm.robot.name, arm.pose_errors[0]
+            name, (distance, angle) = arm.name, arm.pose_errors[0]
             notes.append(f"{name} begins {distance:.2g} m and {angle:.2g} rad from its first pose.")
             if arm.mapping.turned:
                 turned = "is turned by 180 degrees, the same grasp; errors are from poses so turned"
@@ -300,9 +307,27 @@ class Retargeting:
         for suffix in ("csv", "json", "npz"):
             self.trajectory.save(made / f"trajectory.{suffix}")
         save_figure(self.plot(), made)
-        for number, arm in enumerate(self.arms):
-            name = "synergies.json" if len(self.arms) == 1 else f"synergies_{number}.json"
+        for number, arm in enumerate(self.bodies):
+            name = "synergies.json" if len(self.bodies) == 1 else f"synergies_{number}.json"
             save_synergies(made / name, arm.synergies, arm.robot.joint_names, arm.robot)
+
+
+def waist_motion(arm: RetargetedArm) -> str:
+    """Return a sentence on how far the joints that all hands of a body share move, beside those of
+    the person's trunk.
+    """
+    names = arm.robot.shared_joints
+    columns = [arm.robot.joint_names.index(name) for name in names]
+    found = [
+        f"{name} {np.ptp(arm.trajectory.positions[:, column]):.2g} {arm.robot.units[column]}"
+        for name, column in zip(names, columns, strict=True)
+    ]
+    turns = arm.mapping.waist_turns(arm.analysis.motion.q)
+    thorax = float(np.linalg.norm(rotation_vector(turns), axis=1).max())
+    person = f"the person's thorax turns by up to {thorax:.2g} rad"
+    if not arm.analysis.model.shared_joints:
+        person = "the recording has no trunk, so that upright is its target"
+    return f"the waist of {arm.robot.name} moves by {', '.join(found)}; {person}"
 
 
 def _span(indices: tuple[int, ...]) -> str:
@@ -344,7 +369,7 @@ def warn_of_detours(result: Retargeting) -> None:
 def _place(arm: RetargetedArm, number: int) -> str:
     time, group = arm.analysis.motion.time, arm.groups[number - 1]
     span = f"{time[group.start]:.2f} to {time[group.stop]:.2f} s of the recording"
-    return f"synergy {number} of {arm.robot.name} ({span})"
+    return f"synergy {number} of {arm.name} ({span})"
 
 
 def _missed_poses(arm: RetargetedArm) -> Iterator[str]:
@@ -352,7 +377,7 @@ def _missed_poses(arm: RetargetedArm) -> Iterator[str]:
         off = f"{distance:.3g} m and {angle:.3g} rad from its"
         if number == 0:
             why = _WHY[OUT_OF_REACH] if number in arm.out_of_reach else ""
-            yield f"{arm.robot.name} begins {off} first pose{why}"
+            yield f"{arm.name} begins {off} first pose{why}"
         else:
             why = _WHY.get(arm.transfers[number - 1].status, "")
             yield f"{_place(arm, number)} ends {off} pose{why}"

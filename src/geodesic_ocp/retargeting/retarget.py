@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
@@ -17,6 +17,7 @@ from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits, checked_limits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
@@ -69,8 +70,8 @@ def retarget(
     analysis: Analysis,
     robot: Model,
     *,
-    alignment: Alignment | None = None,
-    person_alignment: Alignment | None = None,
+    alignment: Alignment | Sequence[Alignment] | None = None,
+    person_alignment: Alignment | Sequence[Alignment] | None = None,
     start: ArrayLike | None = None,
     limits: JointLimits | None = None,
     rate: float = _RATE,
@@ -89,11 +90,17 @@ def retarget(
     continuous accelerations, meets the limits of the joints, and takes more time than the person
     only where these require it (`plan_trajectory`).
 
+    A robot with several hands (`Model.hands`), such as a humanoid's waist with both arms, takes
+    over the motion of a person's model with several (`human_upper_body`, or `combine` of two arms):
+    the poses of both hands at the ends of the synergies are conditions of one program, in which the
+    arms share the waist. It turns as the person's thorax does, or stays upright if the recording
+    has no trunk, up to `RetargetingSettings.likeness_weight` against energy and poses.
+
     Args:
         analysis: analysis of the person's motion (`analyse`).
-        robot: the arm.
-        alignment: alignment of the robot's shoulder and hand with the person's; None: that of the
-            known robot (`go.retargeting.align`).
+        robot: the arm, or a body with several hands.
+        alignment: alignment of the robot's shoulder and hand with the person's, or one for each of
+            several hands; None: that of the known robot (`go.retargeting.align`).
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -143,8 +150,8 @@ def retarget_arms(
     analyses: Sequence[Analysis],
     robots: Sequence[Model],
     *,
-    alignments: Sequence[Alignment | None] | None = None,
-    person_alignments: Sequence[Alignment | None] | None = None,
+    alignments: Sequence[Alignment | Sequence[Alignment] | None] | None = None,
+    person_alignments: Sequence[Alignment | Sequence[Alignment] | None] | None = None,
     starts: Sequence[ArrayLike | None] | None = None,
     limits: Sequence[JointLimits | None] | None = None,
     rate: float = _RATE,
@@ -178,21 +185,23 @@ def retarget_arms(
     pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
+    bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first of each
     if settings.constrained:
-        grasps = [_better_grasp(pair, tolerance) for pair in pairs]
-        pairs, arms, candidates = map(list, zip(*grasps, strict=True))
-        far = [unattained(*each) for each in zip(pairs, arms, candidates, strict=True)]
+        grasps = [_better_grasp(pair, tolerance) for pair in bodies]
+        chosen, arms, candidates = map(list, zip(*grasps, strict=True))
+        pairs = [dict(zip(bodies, chosen, strict=True)).get(pair, pair) for pair in pairs]
+        bodies = chosen
+        far = [unattained(pair, candidates[pair.body]) for pair in pairs]
         _warn_out_of_reach(pairs, far)
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
         motion = problem(tuple(arms), tuple(candidates), kept, *weights, tolerance, report)
         found: Any = solve(motion, throw=throw)
         paths = found
-        transfers = [
-            transfers_on(pair, found, number, each)
-            for number, (pair, each) in enumerate(zip(pairs, far, strict=True))
-        ]
+        transfers = [transfers_on(pair, found, each) for pair, each in zip(pairs, far, strict=True)]
     else:
+        if len(bodies) < len(pairs):
+            raise ValueError("the formulation 'geodesic' is of one hand; use 'constrained'")
         free = [free_ends(pair) for pair in pairs]
         far = [each[2] for each in free]
         _warn_out_of_reach(pairs, far)
@@ -200,14 +209,16 @@ def retarget_arms(
             free_geodesics(pair, begin, ends, throw, report)
             for pair, (begin, ends, _) in zip(pairs, free, strict=True)
         ]
-    planned = _in_time(pairs, transfers, paths, clearance, throw, report)
-    retargeted = tuple(
-        RetargetedArm.retargeted(*each, planned, number, rate)
-        for number, each in enumerate(zip(pairs, transfers, far, strict=True))
-    )
+    of_bodies = [transfers[pairs.index(pair)] for pair in bodies]
+    planned = _in_time(bodies, of_bodies, paths, clearance, throw, report)
+    retargeted = list[RetargetedArm]()
+    for each in zip(pairs, transfers, far, strict=True):
+        arm, first = RetargetedArm.retargeted(*each, planned, rate), retargeted[-1:]
+        same = [other.first or other for other in first if other.body == arm.body]
+        retargeted.append(replace(arm, first=same[0]) if same else arm)
     report("done", len(pairs), len(pairs))
     seconds = time.perf_counter() - begin
-    result = Retargeting(retargeted, planned, paths, clearance, rate, settings, seconds)
+    result = Retargeting(tuple(retargeted), planned, paths, clearance, rate, settings, seconds)
     warn_of_detours(result)
     return result
 
@@ -221,7 +232,7 @@ def paired_arms(
     starts: Any,
     settings: RetargetingSettings,
 ) -> list[PairedArm]:
-    """Return persons' arms and robots, from the arguments of `retarget_arms`."""
+    """Return persons' arms and robots, from the arguments of `retarget_arms`; one for each hand."""
     analyses = _checked_list("analyses", analyses, Analysis)
     robots = _checked_list("robots", robots, Model)
     if len(analyses) != len(robots):
@@ -230,21 +241,59 @@ def paired_arms(
         raise ValueError("analyses: all arms must be of one recording, sample by sample")
     if not isinstance(settings, RetargetingSettings):
         raise ValueError(f"settings must be RetargetingSettings, got {settings!r}")
-    targets = _alignments("alignments", alignments, robots)
-    sources = _alignments("person_alignments", person_alignments, [a.model for a in analyses])
+    people = [analysis.model for analysis in analyses]
+    hands = [_hands_of(*each) for each in zip(people, robots, strict=True)]
+    targets = _alignments("alignments", alignments, robots, [each for _, each in hands])
+    sources = _alignments("person_alignments", person_alignments, people, [h for h, _ in hands])
     given = (_one_each(*each, len(robots)) for each in (("limits", limits), ("starts", starts)))
-    pairs = []
-    for analysis, robot, source, target, limit, start in zip(
-        analyses, robots, sources, targets, *given, strict=True
+    pairs = list[PairedArm]()
+    for body, (analysis, robot, source, target, limit, start) in enumerate(
+        zip(analyses, robots, sources, targets, *given, strict=True)
     ):
         heavier = _heavier(robot) if settings.rotor_inertia else robot
-        mapping = PoseMapping.between(analysis.model, source, target, settings)
-        bound, poses = _limits(heavier, limit, settings), mapping(analysis.motion.q)
+        matched = _matched(source, target, settings.mirror)
+        mappings = tuple(
+            PoseMapping.between(analysis.model.with_hand(hand), person, own, settings)
+            for hand, person, own in zip(*matched, target.values(), strict=True)
+        )
+        bound, poses = _limits(heavier, limit, settings), mappings[0](analysis.motion.q)
         groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
         begin = None if start is None else start_of(heavier, start, settings)
-        pairs.append(PairedArm(analysis, heavier, mapping, bound, settings, groups, begin, poses))
+        pair = PairedArm(analysis, heavier, mappings, bound, settings, groups, begin, poses, body)
+        pairs += pair.of_hands
     pairs = scaled_to_fit(pairs) if settings.scale == "fit" else pairs
     return [pair.without_drifts() for pair in pairs]
+
+
+def _hands_of(person: Model, robot: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the hands of a person and of a robot that correspond: one each, or all.
+
+    Raises:
+        ValueError: a robot with several hands, and a person with another number.
+    """
+    if len(robot.hands) == 1:
+        return (person.hand,), (robot.hand,)
+    if len(person.hands) != len(robot.hands):
+        raise ValueError(
+            f"{robot.name!r} has the hands {', '.join(robot.hands)}, and {person.name!r} "
+            f"{', '.join(person.hands)}: analyse as many, or load the robot with one hand"
+        )
+    return person.hands, robot.hands
+
+
+def _matched(
+    sources: Mapping[str, Alignment], targets: Mapping[str, Alignment], mirror: bool | None
+) -> tuple[list[str], list[Alignment]]:
+    """Return the person's hand for each of the robot's, that of the same side, and its alignment;
+    in the order of the hands where sides are not known.
+    """
+    by_side = {each.side: hand for hand, each in sources.items()}
+    other: dict[Side | None, Side] = {"right": "left", "left": "right"}
+    sides = [other.get(each.side) if mirror else each.side for each in targets.values()]
+    hands = list(sources)
+    if len(hands) > 1 and set(sides) == set(by_side) == set(other):
+        hands = [by_side[side] for side in sides]
+    return hands, [sources[hand] for hand in hands]
 
 
 @lru_cache(maxsize=16)
@@ -256,12 +305,13 @@ def _heavier(robot: Model) -> Model:
 def _better_grasp(
     pair: PairedArm, tolerance: float
 ) -> tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]:
-    """Return the arm, its waypoints and candidates there; of a parallel gripper, turned by 180
-    degrees if the best configurations cost less by a twentieth.
+    """Return the arm, its waypoints and candidates there; of an arm with a parallel gripper, turned
+    by 180 degrees if the best configurations cost less by a twentieth.
 
     It is turned on the whole way, as what it holds turns with it.
     """
     is_either = pair.mapping.target.parallel_gripper and pair.settings.orientation_weight > 0.0
+    is_either &= len(pair.mappings) == 1
     found = []
     for each in (pair, pair.turned) if is_either else (pair,):
         waypoints = arm_waypoints(each, tolerance)
@@ -359,14 +409,26 @@ def _one_each(name: str, given: Any, count: int) -> list[Any]:
     return list(given)
 
 
-def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignment]:
-    """Return one for each model, by default the model's own."""
-    found = _one_each(name, given, len(models))
-    for k, (model, each) in enumerate(zip(models, found, strict=True)):
-        if each is not None and not isinstance(each, Alignment):
-            raise ValueError(f"{name} must be of Alignment, got {each!r}")
-        found[k] = align(model) if each is None else each
-        check_joints(found[k], model)
+def _alignments(
+    name: str, given: Any, models: Sequence[Model], hands: Sequence[Sequence[str]]
+) -> list[dict[str, Alignment]]:
+    """Return for each model the alignments of its hands, by default its own."""
+    found = []
+    for model, own, each in zip(models, hands, _one_each(name, given, len(models)), strict=True):
+        several = each if isinstance(each, (list, tuple)) else [each]
+        several = [None] * len(own) if each is None else several
+        if len(several) != len(own):
+            raise ValueError(
+                f"{name} must be of Alignment, one for each of the hands {', '.join(own)} of "
+                f"{model.name!r}, got {each!r}"
+            )
+        aligned = {}
+        for hand, one in zip(own, several, strict=True):
+            if one is not None and not isinstance(one, Alignment):
+                raise ValueError(f"{name} must be of Alignment, got {one!r}")
+            aligned[hand] = align(model.with_hand(hand)) if one is None else one
+            check_joints(aligned[hand], model)
+        found.append(aligned)
     return found
 
 
@@ -376,7 +438,7 @@ def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) ->
         missed = {number: error for number, error in poses.items() if pair.is_missed(error)}
         for number, (distance, angle) in missed.items():
             which = "the first pose" if number == 0 else f"the end of synergy {number}"
-            lines.append(f"{which} of {pair.robot.name}: {distance:.3g} m and {angle:.3g} rad")
+            lines.append(f"{which} of {pair.name}: {distance:.3g} m and {angle:.3g} rad")
         if missed:
             advice.append(_mounting_advice(pair))
     if lines:

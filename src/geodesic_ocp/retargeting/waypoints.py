@@ -29,6 +29,7 @@ from geodesic_ocp.ocp.pose_search import (
     PoseSearch,
     pose_difference,
     rotation_log,
+    stacked_error,
 )
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, moving
@@ -49,27 +50,49 @@ _STEADY = 1e-3  # of the person's progress, which goes on in pauses
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pose(ShortRepr):
-    """A target for the hand.
+    """A target for the hand, or for h hands of a body at once, below each other.
 
     Attributes:
-        rotation: (3, 3), or None if it is free.
-        position: (3,) [m], or None if it is free.
+        rotation: (3 h, 3), or None if it is free.
+        position: (3 h,) [m], or None if it is free.
+        hands: names of the hands; empty: the hand of the model.
     """
 
     rotation: Array | None
     position: Array | None
+    hands: tuple[str, ...] = ()
+
+    @property
+    def numbers(self) -> Array:
+        """Position (3 h,), and rotation by columns (9 h,); zeros and identities where free."""
+        count = max(1, len(self.hands))
+        position = np.zeros(3 * count) if self.position is None else self.position
+        rotation = np.tile(np.eye(3), (count, 1)) if self.rotation is None else self.rotation
+        return np.concatenate([position, rotation.ravel(order="F")])
 
     def reached_by(self, model: Model, q: Array) -> Pose:
-        """Return the pose of the hand at q, with the same parts left free."""
-        here = model.hand_pose(q)
+        """Return the pose of the hands at q, with the same parts left free."""
+        here = model.stacked_poses(self.hands or (model.hand,), q)
         parts = zip((self.rotation, self.position), here, strict=True)
-        return Pose(*(None if part is None else found for part, found in parts))
+        rotation, position = (None if part is None else found for part, found in parts)
+        return Pose(rotation, position, self.hands)
 
     def error(self, model: Model, q: Array) -> tuple[float, float]:
-        """Get distance [m] and angle [rad] of the hand at q from this pose; zero for free parts."""
-        here = model.hand_pose(q)
-        parts = zip((self.rotation, self.position), here, strict=True)
-        return pose_difference(*here, *(own if part is None else part for part, own in parts))
+        """Get distance [m] and angle [rad] of the hand at q from this pose, the largest of several
+        hands; zero for free parts.
+        """
+        distances, angles = self.errors(model, q[None])
+        return float(distances.max()), float(angles.max())
+
+    def errors(self, model: Model, q: Array) -> tuple[Array, Array]:
+        """Get distances [m] and angles [rad] of the h hands at configurations (k, n), (k, h)."""
+        here = model.stacked_poses(self.hands or (model.hand,), q)
+        targets = (
+            own if part is None else np.broadcast_to(part, own.shape)
+            for part, own in zip((self.rotation, self.position), here, strict=True)
+        )
+        distances, angles = pose_differences(here, (next(targets), next(targets)))
+        return distances.reshape(len(q), -1), angles.reshape(len(q), -1)
 
 
 def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
@@ -112,7 +135,8 @@ def nearest_configurations(
         NotConverged: no configuration is clear of the collision bodies.
     """
     placed = arm, near, pose.position, pose.rotation
-    search = PoseSearch.checked("retarget", *placed, limits=limits, collisions=collisions)
+    given: dict[str, Any] = {"limits": limits, "collisions": collisions, "hands": pose.hands}
+    search = PoseSearch.checked("retarget", *placed, **given)
     try:
         return configurations(search, enough, settled, least)
     except NotConverged:
@@ -146,15 +170,35 @@ def has_elbow(model: Model, alignment: Alignment) -> bool:
 def elbow_offset(model: Model, alignment: Alignment, q: Any, shoulder: Any = None) -> ca.SX:
     """Return offset (3, 1) of the elbow in the axes of the base, in lengths of the arm.
 
-    The shoulder is that of the alignment, unless its position (3,) is given.
+    The shoulder is that of the alignment, carried by the waist of a body, unless its position (3,)
+    is given.
     """
-    shoulder = ca.DM(np.asarray(alignment.shoulder)) if shoulder is None else shoulder
+    if shoulder is None:
+        shoulder = ca.DM(np.asarray(alignment.shoulder))
+        if model.shared_joints:
+            place = model.frame_pose(model.shared_joints[-1], upright(model))[1]
+            _, moved = model.frame_pose(model.shared_joints[-1], q)
+            shoulder = moved + waist_turn(model, q) @ (shoulder - place)
     _, elbow = model.frame_pose(str(alignment.elbow), q)
     _, wrist = model.frame_pose(str(alignment.wrist), q)
     upper, whole = elbow - shoulder, wrist - shoulder
     along = ca.dot(upper, whole) / (ca.sumsqr(whole) + _SHORTEST)
     offset: ca.SX = (upper - along * whole) / alignment.length
     return offset
+
+
+def upright(model: Model) -> Array:
+    """Return zero, or the configuration (n,) within the limits that is nearest to it."""
+    return np.clip(np.zeros(model.dof), model.lower, model.upper)
+
+
+def waist_turn(model: Model, q: Any) -> Any:
+    """Return the rotation (3, 3) from upright of what carries all hands, in axes of the base.
+
+    For k configurations (k, n): (k, 3, 3). The model has joints that move all hands.
+    """
+    at_rest = model.frame_pose(model.shared_joints[-1], upright(model))[0]
+    return model.frame_pose(model.shared_joints[-1], q)[0] @ at_rest.T
 
 
 def elbow_function(model: Model, alignment: Alignment) -> ca.Function:
@@ -208,6 +252,16 @@ class PoseMapping(ShortRepr):
             rotation = rotation @ np.diag([-1.0, -1.0, 1.0])
         return self.target.to_robot(rotation, position, scale=self.scale, mirror=self.mirror)
 
+    def waist_turns(self, q: Array) -> Array:
+        """Return rotations (k, 3, 3) of the person's thorax from upright at q (k, n), in axes of
+        the robot's base; the identity for a person without a trunk.
+        """
+        if not self.model.shared_joints:
+            return np.tile(np.eye(3), (len(q), 1, 1))
+        axes = np.asarray(self.source.base) @ np.diag([-1.0 if self.mirror else 1.0, 1.0, 1.0])
+        turn = axes @ np.asarray(self.target.base).T
+        return np.asarray(turn.T @ waist_turn(self.model, q) @ turn)
+
     def elbow_offsets(self, q: Array) -> Array:
         """Return offsets (k, 3) of the person's elbow at q (k, n), in axes of the robot's base."""
         offsets = elbow_function(self.model, self.source)(q.T).full().T
@@ -221,34 +275,70 @@ class PoseMapping(ShortRepr):
 class PairedArm(ShortRepr):
     """A person's arm, and the robot that takes over its motion.
 
+    A robot with several hands, a body, has one such pair for each: they have one waist, and one
+    motion.
+
     Attributes:
         analysis: analysis of the person's motion.
-        robot: the arm.
-        mapping: from the person's configurations to poses of the robot's hand.
+        robot: the arm, or the body, whose `hand` is the one of the pair.
+        mappings: from the person's configurations to poses of the robot's hands, of all in the
+            order of `hands`.
         limits: limits of its joints.
         settings: settings of the retargeting.
         groups: how the person's synergies were dropped and merged.
         start: configuration (n,) to begin in; None: any with the first pose.
         target_poses: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, mapped from the
             person to the robot's base frame, at all samples.
+        body: number of the arm, or of the body, in trajectories of several.
     """
 
     analysis: Analysis
     robot: Model
-    mapping: PoseMapping
+    mappings: tuple[PoseMapping, ...]
     limits: JointLimits
     settings: RetargetingSettings
     groups: tuple[SynergyGroup, ...]
     start: Array | None
     target_poses: tuple[Array, Array]
+    body: int
     _shown = ("robot", "mapping")
 
     @property
+    def hands(self) -> tuple[str, ...]:
+        """Names of the robot's hands, of which one is that of the pair."""
+        return self.robot.hands if len(self.mappings) > 1 else (self.robot.hand,)
+
+    @property
+    def mapping(self) -> PoseMapping:
+        """Mapping from the person's configurations to poses of the robot's hand."""
+        return self.mappings[self.hands.index(self.robot.hand)]
+
+    @property
+    def of_hands(self) -> tuple[PairedArm, ...]:
+        """The pairs of all hands of the robot."""
+        q = self.analysis.motion.q
+        pairs = zip(self.hands, self.mappings, strict=True)
+        if len(self.mappings) == 1:
+            return (self,)
+        return tuple(
+            replace(self, robot=self.robot.with_hand(hand), target_poses=mapping(q))
+            for hand, mapping in pairs
+        )
+
+    @property
+    def name(self) -> str:
+        """Name of the robot, and of the hand if it has several."""
+        if len(self.mappings) == 1:
+            return self.robot.name
+        side = self.mapping.target.side
+        return f"{self.robot.name}, {f'{side} hand' if side else self.robot.hand}"
+
+    @property
     def turned(self) -> PairedArm:
-        """The same, with the hand turned by 180 degrees about its fingers."""
+        """The same, with the hand of an arm turned by 180 degrees about its fingers."""
         mapping = replace(self.mapping, turned=not self.mapping.turned)
         poses = mapping(self.analysis.motion.q)
-        return replace(self, mapping=mapping, target_poses=poses)
+        return replace(self, mappings=(mapping,), target_poses=poses)
 
     @property
     def gravity(self) -> Array:
@@ -289,6 +379,17 @@ class PairedArm(ShortRepr):
         """Return the pose of the hand at a sample of the recording."""
         return self.as_pose(*(each[sample] for each in self.target_poses))
 
+    def mapped(self, q: Array) -> tuple[Array, Array]:
+        """Return poses of all hands below each other, for the person's configurations (k, n)."""
+        rotations, positions = zip(*(mapping(q) for mapping in self.mappings), strict=True)
+        return np.concatenate(rotations, axis=1), np.concatenate(positions, axis=1)
+
+    def targets(self, q: Array) -> tuple[Pose, ...]:
+        """Return the poses of all hands for the person's configurations (k, n)."""
+        hands = self.hands if len(self.mappings) > 1 else ()
+        poses = zip(*self.mapped(q), strict=True)
+        return tuple(replace(self.as_pose(*each), hands=hands) for each in poses)
+
     def allowed_miss(self, sample: int) -> tuple[float, float]:
         """Return distance [m] and angle [rad] by which the pose at a sample may be missed.
 
@@ -315,8 +416,11 @@ class PairedArm(ShortRepr):
 
     def without_drifts(self) -> PairedArm:
         """Return the same, with movements in place of rests in which the hand drifts too far."""
+        hands = self.of_hands
         groups = (
-            moving(each) if each.kind == "rest" and self.is_missed(self.drift(each)) else each
+            moving(each)
+            if each.kind == "rest" and any(hand.is_missed(hand.drift(each)) for hand in hands)
+            else each
             for each in self.groups
         )
         return replace(self, groups=tuple(groups))
@@ -337,7 +441,8 @@ class ObjectiveWeights:
     The objective is action / `action` + `stretch` times the time added / `duration`, plus the means
     over the waypoints of `posture` times the mean squared distance of the joints from the middle of
     their ranges, in half ranges, and of `likeness` times the squared distance of the elbow's offset
-    from the person's, in lengths of the arm.
+    from the person's, in lengths of the arm; of a body with a waist, times the mean of that over
+    the hands and the squared angle [rad] between the turns of the thorax and of the waist.
 
     Attributes:
         action: unit of the action [J s].
@@ -358,33 +463,41 @@ class ObjectiveWeights:
 # A joint that holds the arm with more than this share of its torque is too weak to move it; cost
 # of the squared excess.
 _SHARE, _WEAK = 0.8, 300.0
-_PARAMETERS = [0, 3, 12, 18, 21, 23]  # where position, rotation, ... begin, see `parameters`
 
 
 @lru_cache(maxsize=32)
 def _waypoint_terms(
-    arm: Model, alignment: Alignment, rows: tuple[int, ...], torque: tuple[float, ...]
+    arm: Model,
+    hands: tuple[str, ...],
+    alignments: tuple[Alignment, ...],
+    rows: tuple[int, ...],
+    torque: tuple[float, ...],
 ) -> Terms:
-    """Return costs of an arm, these rows of the pose error, and its squared distance and angle, for
-    limits on torque (n,).
+    """Return costs of an arm, these rows of the pose errors, and the squared distance and angle of
+    each hand, for limits on torque (n,).
     """
-    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", _PARAMETERS[-1])
-    position, rotation, missed, offset, weights = ca.vertsplit(p, _PARAMETERS)
-    hand_rotation, hand_position = arm.hand_pose(q)
-    error = ca.vertcat(
-        hand_position - position, rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation)
-    )
+    count = len(hands)
+    edges = np.cumsum([0, *np.array([3, 9, 6, 3]) * count, 9, 3]).tolist()  # see `parameters`
+    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", edges[-1])
+    position, rotation, missed, offset, turn, weights = ca.vertsplit(p, edges)
+    rotation = ca.reshape(rotation, 3 * count, 3)
+    error = stacked_error(arm, hands, q, position, rotation, ca.SX.eye(3))
     middle, half = middle_of_ranges(arm)
     cost = ca.dot(missed, error**2) + weights[0] * ca.sumsqr((q - middle) / half) / arm.dof
-    if has_elbow(arm, alignment):
-        cost += weights[1] * ca.sumsqr(elbow_offset(arm, alignment, q) - offset)
+    for number, alignment in enumerate(alignments):
+        if has_elbow(arm, alignment):
+            off = elbow_offset(arm, alignment, q) - offset[3 * number : 3 * number + 3]
+            cost += weights[1] / count * ca.sumsqr(off)
+    if arm.shared_joints:
+        beside = ca.reshape(turn, 3, 3).T @ waist_turn(arm, q)
+        cost += weights[2] * ca.sumsqr(rotation_log(beside))
     if limited := np.flatnonzero(np.isfinite(torque)).tolist():
         still = ca.SX.zeros(arm.dof)
-        held = arm.inverse_dynamics(q, still, still, gravity_on(alignment))
+        held = arm.inverse_dynamics(q, still, still, gravity_on(alignments[0]))
         for joint in limited:
             cost += _WEAK * ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - _SHARE) ** 2
     # Of poses that may be missed, distance and angle are bounded, by their squares.
-    squares = [ca.sumsqr(error[:3]), ca.sumsqr(error[3:])]
+    squares = [ca.sumsqr(each) for each in ca.vertsplit(error, 3)]
     return Terms(q, p, cost, ca.vertcat(error[list(rows)], *squares))
 
 
@@ -393,7 +506,7 @@ _PEAK, _BRAKING = 1.5, 5.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmWaypoints(ShortRepr):
-    """Poses that the hand of one arm passes, one after the other.
+    """Poses that the hand of one arm, or the hands of a body, pass one after the other.
 
     Attributes:
         arm: the robot; its limits bound the paths.
@@ -401,18 +514,21 @@ class ArmWaypoints(ShortRepr):
         alignment: alignment with a person's arm.
         begins, ends: times [s] in the recording at which the m movements begin and end, (m,) each;
             between two movements the arm rests.
-        poses: poses of the hand at the start and at the end of each movement, m + 1 of them.
-        hand: rotations (k, 3, 3) and positions (k, 3) [m] of the person's hand, mapped to the
-            robot, after so many movements (k,): 0.5 is halfway through the first, by the person's
-            progress.
+        poses: poses of the hands at the start and at the end of each movement, m + 1 of them.
+        hand: poses of the person's hands, mapped to the robot, after so many movements (k,): 0.5
+            is halfway through the first, by the person's progress.
         start: configuration (n,) to begin in; None: any with the first pose.
         limits: limits of the joints.
-        offsets: offsets of the person's elbow at the waypoints (m + 1, 3), see `elbow_offset`;
+        offsets: offsets of the person's h elbows at the waypoints (m + 1, 3 h), see `elbow_offset`;
             None: not known.
         allowed: distance [m] and angle [rad] by which each pose may be missed, m + 1 of them;
             empty: not at all.
         weights: weights of position and orientation errors [1/m], [1/rad], for poses out of reach.
         path_tolerance: see `RetargetingSettings`.
+        others: alignments of the other hands of a body, in the order of its hands, of which
+            `alignment` is that of the first.
+        turns: rotations of the person's thorax from upright at the waypoints (m + 1, 3, 3), in axes
+            of the base; None: not known.
     """
 
     arm: Model
@@ -421,14 +537,21 @@ class ArmWaypoints(ShortRepr):
     begins: Array
     ends: Array
     poses: tuple[Pose, ...]
-    hand: Callable[[Array], tuple[Array, Array]]
+    hand: Callable[[Array], tuple[Pose, ...]]
     start: Array | None
     limits: JointLimits
     offsets: Array | None
     allowed: tuple[tuple[float, float], ...] = ()
     weights: tuple[float, float] = (1.0, 1.0)
     path_tolerance: tuple[float, float] = (np.inf, np.inf)
+    others: tuple[Alignment, ...] = ()
+    turns: Array | None = None
     _shown = ("arm", "limited", "count")
+
+    @property
+    def hands(self) -> tuple[str, ...]:
+        """Names of the hands."""
+        return self.arm.hands if self.others else (self.arm.hand,)
 
     @property
     def durations(self) -> Array:
@@ -453,32 +576,29 @@ class ArmWaypoints(ShortRepr):
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Return which of the six rows of the pose error count."""
+        """Return which rows of the pose errors count, of six for each hand."""
         first = self.poses[0]
         place = () if first.position is None else (0, 1, 2)
-        return (*place, *(() if first.rotation is None else (3, 4, 5)))
+        own = (*place, *(() if first.rotation is None else (3, 4, 5)))
+        return tuple(6 * number + row for number in range(len(self.hands)) for row in own)
 
     def is_allowed(self, number: int, q: Array) -> NDArray[np.bool_]:
         """Return whether configurations (k, n) miss a waypoint's pose by no more than allowed."""
         bound = self.allowed[number] if self.allowed else (0.0, 0.0)
-        here, pose = self.arm.hand_pose(q), self.poses[number]
-        targets = (
-            own if part is None else np.broadcast_to(part, own.shape)
-            for part, own in zip((pose.rotation, pose.position), here, strict=True)
-        )
-        distance, angle = pose_differences(here, (next(targets), next(targets)))
-        return np.asarray((distance <= bound[0]) & (angle <= bound[1]))
+        distances, angles = self.poses[number].errors(self.arm, q)
+        return np.asarray(((distances <= bound[0]) & (angles <= bound[1])).all(axis=1))
 
     @property
     def row_weights(self) -> Array:
         """Weights of those rows."""
-        return np.repeat(self.weights, 3)[list(self.rows)]
+        return np.asarray(np.repeat(self.weights, 3)[np.array(self.rows) % 6])
 
     @property
     def terms(self) -> Terms:
         """Costs and pose errors of the configurations at the waypoints."""
         torque = tuple(self.limits.torque.tolist())
-        return _waypoint_terms(self.arm, self.alignment, self.rows, torque)
+        alignments = (self.alignment, *self.others)
+        return _waypoint_terms(self.arm, self.hands, alignments, self.rows, torque)
 
     def parameters(self, number: int, missed: float, weights: ObjectiveWeights) -> Array:
         """Return the parameters of `terms` at a waypoint, whose costs are means over all waypoints.
@@ -488,25 +608,27 @@ class ArmWaypoints(ShortRepr):
             missed: weight of the squared pose error; zero for a pose within reach.
             weights: weights of the objective.
         """
-        pose, missed_rows = self.poses[number], np.zeros(6)
+        pose, count = self.poses[number], len(self.hands)
+        missed_rows = np.zeros(6 * count)
         missed_rows[list(self.rows)] = missed * (self.count + 1) * self.row_weights**2
-        position = np.zeros(3) if pose.position is None else pose.position
-        rotation = np.eye(3) if pose.rotation is None else pose.rotation
-        offset, likeness = np.zeros(3), 0.0
+        offset, likeness = np.zeros(3 * count), 0.0
         if self.offsets is not None:
             offset, likeness = self.offsets[number], weights.likeness
-        costs = [weights.posture, likeness]
-        return np.concatenate([position, rotation.ravel(order="F"), missed_rows, offset, costs])
+        turn, as_turned = np.eye(3), 0.0
+        if self.turns is not None:
+            turn, as_turned = self.turns[number], weights.likeness
+        parts = (pose.numbers, missed_rows, offset, turn.ravel(order="F"))
+        return np.concatenate([*parts, [weights.posture, likeness, as_turned]])
 
 
 def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
-    """Return the waypoints of a person's motion on a robot.
+    """Return the waypoints of a person's motion on a robot, of all its hands.
 
     Args:
         pair: person and robot.
         tolerance: tolerance of the paths' conditions.
     """
-    settings, mapping, motion = pair.settings, pair.mapping, pair.analysis.motion
+    settings, mappings, motion = pair.settings, pair.mappings, pair.analysis.motion
     moving = [group for group in pair.groups if group.kind != "rest"]
     samples = pair.key_samples
     begins = motion.time[[group.start for group in moving]]
@@ -515,27 +637,31 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         begins, ends, samples = pair.edges[:1], pair.edges[-1:], samples * 2
     begun, ended = (np.interp(times, *pair.progress) for times in (begins, ends))
 
-    def hand(numbers: Array) -> tuple[Array, Array]:
+    def hand(numbers: Array) -> tuple[Pose, ...]:
         which = np.minimum(numbers.astype(int), begun.size - 1)
         upto = begun[which] + (numbers - which) * (ended - begun)[which]
-        return mapping(motion(np.interp(upto, *pair.progress[::-1])))
+        return pair.targets(motion(np.interp(upto, *pair.progress[::-1])))
 
+    q, hands = motion.q[samples], pair.of_hands
     offsets = None
-    if has_elbow(mapping.model, mapping.source):
-        offsets = mapping.elbow_offsets(motion.q[samples])
+    if all(has_elbow(each.model, each.source) for each in mappings):
+        offsets = np.hstack([each.elbow_offsets(q) for each in mappings])
     within = settings.within_limits
+    allowed = (np.min([each.allowed_miss(sample) for each in hands], axis=0) for sample in samples)
     return ArmWaypoints(
         arm=with_narrowed_limits(pair.robot, tolerance) if within else pair.robot,
         limited=within,
-        alignment=mapping.target,
+        alignment=mappings[0].target,
         begins=begins,
         ends=ends,
-        poses=tuple(pair.target(sample) for sample in samples),
+        poses=pair.targets(q),
         hand=hand,
         start=pair.start,
         limits=pair.limits,
         offsets=offsets,
-        allowed=tuple(pair.allowed_miss(sample) for sample in samples),
+        allowed=tuple((float(distance), float(angle)) for distance, angle in allowed),
         weights=settings.pose_weights,
         path_tolerance=settings.path_tolerance,
+        others=tuple(each.target for each in mappings[1:]),
+        turns=mappings[0].waist_turns(q),
     )

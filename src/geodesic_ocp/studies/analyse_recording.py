@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
 
 def read_by_settings(
     path: Path,
-    side: Side,
+    side: Side | Literal["both"],
     settings: AnalysisSettings,
     height: float | None,
     mass: float | None,

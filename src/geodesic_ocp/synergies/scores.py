@@ -111,10 +111,19 @@ def pose_errors(poses: tuple[Array, Array], targets: tuple[Array, Array]) -> Mot
 def pose_differences(
     poses: tuple[Array, Array], targets: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Get distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each."""
-    distances = np.linalg.norm(poses[1] - targets[1], axis=1)
-    between = rotation_vector(poses[0] @ targets[0].transpose(0, 2, 1))
-    return np.asarray(distances), np.asarray(np.linalg.norm(between, axis=1))
+    """Get distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each.
+
+    Of h hands below each other, (k, 3 h, 3) and (k, 3 h): (k, h).
+    """
+    (turned, places), (wanted, others) = (
+        (rotations.reshape(-1, 3, 3), positions.reshape(-1, 3))
+        for rotations, positions in (poses, targets)
+    )
+    distances = np.linalg.norm(places - others, axis=1)
+    angles = np.linalg.norm(rotation_vector(turned @ wanted.transpose(0, 2, 1)), axis=1)
+    count = poses[1].shape[1] // 3
+    shape = (-1,) if count == 1 else (-1, count)
+    return distances.reshape(shape), np.asarray(angles).reshape(shape)
 
 
 @dataclass(frozen=True, repr=False)

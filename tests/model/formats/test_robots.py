@@ -27,13 +27,21 @@ def loaded(robot: str, backend: str) -> go.Model:
     return go.load_model(robot, backend=backend)
 
 
+# A waist or lift of 3, 2, 1 and 1 joints, and both arms.
+DOF = {"g1": 17, "talos": 16, "tiago-pro": 15, "armar6": 17}
+DOF |= {"ur5": 6, "armar6-left": 8, "armar6-right": 8}
+
+
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_known_robots_can_be_loaded(robot: str) -> None:
     model = loaded(robot, "built-in")
-    assert model.dof == {"ur5": 6, "armar6-left": 8, "armar6-right": 8}.get(robot, 7)
+    assert model.dof == DOF.get(robot, 7)
+    assert len(model.hands) == len(ROBOTS[robot].hands)
     assert np.all(np.isfinite([model.lower, model.upper]))
     assert model.name == robot
-    assert len(model.continuous) == (3 if robot.startswith("armar6") else 0)
+    assert len(model.continuous) == (
+        3 if robot.startswith("armar6-") else 6 if robot == "armar6" else 0
+    )
     if robot.endswith(("left", "left-arm")):  # with x forward, or y for the torso of ARMAR-6
         side = 0 if robot.startswith("armar6") else 1
         assert model.pin.jointPlacements[1].translation[side] * (-1) ** (1 - side) > 0.0

@@ -50,7 +50,7 @@ _UNLIMITED = 1e6  # [rad]: limits beyond it stand for infinity
 def load_model(
     source: str | PathLike[str] | pin.Model,
     *,
-    hand: str | None = None,
+    hand: str | Sequence[str] | None = None,
     joints: Sequence[str] | None = None,
     base: str | None = None,
     configuration: Mapping[str, float] | None = None,
@@ -58,7 +58,8 @@ def load_model(
     mass: float | None = None,
     backend: str | None = None,
 ) -> Model:
-    """Load a Model of the joints between a base and a hand (end-effector), or of given joints.
+    """Load a Model of the joints between a base and one or more hands (end-effectors), or of given
+    joints.
 
     All other joints are locked; the links that they carry remain, as part of the links that they
     are then fixed to. Continuous joints become angles with limits of +-2 pi rad
@@ -82,7 +83,8 @@ def load_model(
         source: a URDF, MJCF or MMM/Simox file or its text, a pin.Model, or the name of a robot
             (`geodesic-ocp models` lists the available ones); "menagerie/NAME" is one of MuJoCo
             Menagerie (extra mujoco).
-        hand: name of the hand frame; known robots have a default.
+        hand: name of the hand frame, or names of several, such as of both arms of a body with the
+            waist that they share (`Model.hands`); known robots have a default.
         joints: names of the joints that move, in any order; the model keeps the order of the file.
             None: all between `base` and `hand`.
         base: fixed frame that becomes the base frame, for poses and for the direction of gravity;
@@ -97,25 +99,29 @@ def load_model(
             have one degree of freedom of its own (spherical, free-flyer, mimic); a moving link has
             no mass or an inertia that is not positive definite. Names what is wrong.
     """
-    description, hand, base = _read(source, hand, base, height, mass)
+    given = tuple(hand) if isinstance(hand, (list, tuple)) else () if hand is None else (hand,)
+    description, hands, base = _read(source, given, base, height, mass)
     for fault in description.warnings:
         warnings.warn(fault, UserWarning, stacklevel=2)
     whole = description.pin
-    if hand is None:
+    if not hands:
         raise ValueError(f"hand must name a frame of {whole.name!r}: {_known(_frames(whole))}")
-    hand_index = _frame("hand", whole, hand)
+    indices = [_frame("hand", whole, each) for each in hands]
     base_index = None if base is None else _frame("base", whole, base)
-    moving = _moving(whole, hand_index, base_index, joints)
+    every = {name for index in indices for name in _moving(whole, index, base_index, joints)}
+    moving = [str(name) for name in whole.names if str(name) in every]
     model = lock_joints(description, moving, configuration or {})
     if base is not None:
         model = change_base(model, base)
-    if model.frames[frame_index(model, hand)].parentJoint == 0:
-        raise ValueError(f"hand {hand!r} does not move with any of the joints {_known(moving)}")
+    for each in hands:
+        if model.frames[frame_index(model, each)].parentJoint == 0:
+            raise ValueError(f"hand {each!r} does not move with any of the joints {_known(moving)}")
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
     of_file = model.armature.any() and not isinstance(source, pin.Model)
     origin, continuous = "the file" if of_file else "", _limit_unlimited(model)
-    loaded = Model(model, hand, backend, continuous, description.shapes, armature_from=origin)
+    shapes = description.shapes
+    loaded = Model(model, hands[0], backend, continuous, shapes, hands, armature_from=origin)
     check_inertias(loaded.pin)
     return loaded
 
@@ -134,30 +140,34 @@ def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
 
 
 def _read(
-    source: object, hand: str | None, base: str | None, height: float | None, mass: float | None
-) -> tuple[Description, str | None, str | None]:
-    """Return the description, and the hand and base, which have defaults for known robots."""
+    source: object,
+    hands: tuple[str, ...],
+    base: str | None,
+    height: float | None,
+    mass: float | None,
+) -> tuple[Description, tuple[str, ...], str | None]:
+    """Return the description, and the hands and base, which have defaults for known robots."""
     if isinstance(source, pin.Model):
         if height is not None or mass is not None:
             raise ValueError("height and mass scale MMM models, but source is a pin.Model")
-        return Description(source.copy()), hand, base
+        return Description(source.copy()), hands, base
     if not isinstance(source, (str, PathLike)):
         raise ValueError(f"source must be a file, its text, a pin.Model or a name, got {source!r}")
     if isinstance(source, str) and source.removeprefix("\ufeff").lstrip().startswith("<"):
-        return read_description(source, "the text", height, mass), hand, base
+        return read_description(source, "the text", height, mass), hands, base
     if isinstance(source, str) and (len(source) > _LONGEST_NAME or "\0" in source):
         raise ValueError(f"source is neither XML nor a name: {source[:40]!r}...")
     file = Path(source)
     if not isinstance(source, str) or file.is_file() or file.suffix in _SUFFIXES:
-        return read_file(file, height, mass), hand, base
+        return read_file(file, height, mass), hands, base
     if (found := locate(source)) is None:
         raise ValueError(_unknown_source(source))
     if (robot := ROBOTS.get(source)) is not None:
-        hand = robot.hand if hand is None else hand
+        hands = hands or robot.hands
         base = robot.base if base is None else base
     description = read_file(found, height, mass)
     set_armature(description.pin, srdf_armature(found))
-    return description, hand, base
+    return description, hands, base
 
 
 def _unknown_source(name: str) -> str:

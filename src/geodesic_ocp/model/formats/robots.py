@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -17,13 +17,14 @@ _MENAGERIE = "menagerie/"  # before names of robots of MuJoCo Menagerie
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot arm in a file of a package.
+    """A robot arm in a file of a package, or a waist with both arms.
 
     Attributes:
         package: name of the package.
         file: path below the package's folder of robots.
         hand: frame at the grasp centre if the file has one, otherwise the last link.
-        base: fixed link; the joints before it are locked.
+        base: fixed link; the joints before it are locked. None: the root of the file.
+        arms: names of the right and the left arm of a body, whose hands it has; empty for an arm.
         parallel_gripper: whether the hand is a gripper of two fingers that half a turn about its
             approach axis, through the origin of the frame, exchanges.
     """
@@ -31,17 +32,23 @@ class Robot:
     package: str
     file: str
     hand: str
-    base: str
+    base: str | None
+    arms: tuple[str, ...] = ()
     parallel_gripper: bool = False
 
+    @property
+    def hands(self) -> tuple[str, ...]:
+        """Hand frames: those of both arms of a body."""
+        return tuple(ROBOTS[arm].hand for arm in self.arms) or (self.hand,)
 
-ROBOTS = {
+
+_ARMS = {
     "panda": Robot(
         *(_EXAMPLE, "panda_description/urdf/panda.urdf", "panda_hand_tcp", "panda_link0"),
         parallel_gripper=True,
     ),
     **{
-        f"{name}-{side}-arm": Robot(_EXAMPLE, file, f"gripper_{side}_base_link", base, parallel)
+        f"{name}-{side}-arm": Robot(_EXAMPLE, file, f"gripper_{side}_base_link", base, (), parallel)
         for name, file, base, parallel in (
             # One finger against two.
             ("talos", "talos_data/robots/talos_reduced.urdf", "torso_2_link", False),
@@ -54,7 +61,24 @@ ROBOTS = {
     # r0 is the left arm: the y axis of the torso points forward, as the head's mass centre shows.
     "armar6-left": Robot(_ARMAR, "armar6.urdf", "hand_fixed_r0", "torso"),
     "armar6-right": Robot(_ARMAR, "armar6.urdf", "hand_fixed_r1", "torso"),
+    **{
+        f"g1-{side}-arm": Robot(
+            _EXAMPLE,
+            "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+            f"{side}_rubber_hand",
+            "torso_link",
+        )
+        for side in ("left", "right")
+    },
 }
+# Bodies: the joints of waist, torso or lift, and both arms.
+_BODIES = {
+    name: replace(
+        _ARMS[f"{name}-right{arm}"], base=None, arms=(f"{name}-right{arm}", f"{name}-left{arm}")
+    )
+    for name, arm in (("talos", "-arm"), ("tiago-pro", "-arm"), ("armar6", ""), ("g1", "-arm"))
+}
+ROBOTS = _ARMS | _BODIES
 
 
 def folder(package: str) -> Path | None:
