@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from installed_robots import needs_robots
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.robots import folder
+from geodesic_ocp.model.formats.robots import ROBOTS, folder, locate
 from geodesic_ocp.retargeting.arm_alignment import arm_length
 
 DOWN, FORWARD, RIGHT = np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0, 0])
@@ -176,3 +178,22 @@ def test_axes_of_the_human_hand_are_as_documented() -> None:
     """With the arm hanging: x to the right, y backward, z along the fingers."""
     rotation, _ = go.human_arm().hand_pose(np.zeros(7))
     assert_allclose(rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-12)
+
+
+@needs_robots
+def test_half_a_turn_exchanges_the_fingers_of_parallel_grippers() -> None:
+    known = {name: robot for name, robot in ROBOTS.items() if robot.parallel_gripper}
+    assert "panda" in known
+    for name, robot in known.items():
+        chain = pin.buildModelFromUrdf(str(locate(name)))
+        data, side = chain.createData(), re.split("hand|base", robot.hand)[0]
+        pin.framesForwardKinematics(chain, data, pin.neutral(chain))
+        hand = data.oMf[chain.getFrameId(robot.hand)]
+        fingers = {
+            tuple(hand.actInv(data.oMf[k]).translation.round(6) + 0.0)
+            for k, frame in enumerate(chain.frames)
+            if frame.name.startswith(side) and "finger" in frame.name
+        }
+        assert fingers
+        assert {(0.0 - x, 0.0 - y, z) for x, y, z in fingers} == fingers
+        assert go.retargeting.align(go.load_model(name)).parallel_gripper
