@@ -44,9 +44,10 @@ def no_limits(n: int) -> JointLimits:
     return JointLimits(*np.full((4, n), np.inf))
 
 
-def hand_between(arm: go.Model, ends: Array, numbers: Array) -> tuple[Array, Array]:
+def hand_between(arm: go.Model, ends: Array, numbers: Array) -> tuple[Pose, ...]:
     """Poses of a hand whose joints move evenly from one configuration to the next."""
-    return arm.hand_pose(interp1d(np.arange(len(ends)), ends, axis=0)(numbers))
+    poses = arm.hand_pose(interp1d(np.arange(len(ends)), ends, axis=0)(numbers))
+    return tuple(map(Pose, *poses))
 
 
 @pytest.fixture(scope="module")
@@ -211,14 +212,15 @@ def test_hand_stays_nearer_to_the_persons_for_more_energy(
 ) -> None:
     """Between the same poses, the person's hand takes a path 10 cm to the side."""
 
-    def hand(numbers: Array) -> tuple[Array, Array]:
-        rotation, position = waypoints.hand(numbers)
-        return rotation, position + 0.1 * np.sin(np.pi * numbers)[:, None] * DIRECTION
+    def hand(numbers: Array) -> tuple[Pose, ...]:
+        beside = 0.1 * np.sin(np.pi * numbers)[:, None] * DIRECTION
+        poses = zip(waypoints.hand(numbers), beside, strict=True)
+        return tuple(Pose(pose.rotation, pose.position + by) for pose, by in poses)
 
     def strays(paths: PlannedPaths) -> float:
         s = np.linspace(0.0, 1.0, 51)
         _, own = waypoints.arm.hand_pose(paths.paths[0][0](s))
-        return float(np.linalg.norm(own - hand(s)[1], axis=1).mean())
+        return float(np.linalg.norm(own - [pose.position for pose in hand(s)], axis=1).mean())
 
     near = planned(replace(waypoints, hand=hand, path_tolerance=(0.01, 0.1)))
     assert near.success
