@@ -282,6 +282,15 @@ class Course:
         matrices = share[:, None, None] * along
         return matrices, np.einsum("kij,kj->ki", matrices, positions)
 
+    def timed(self, reference: Reference) -> Reference:
+        """Return the reference with the person's timing, if it is known."""
+        if self._timing is None:
+            return reference
+        matrices, products = self._timing
+        products = products + np.einsum("kij,kj->ki", reference.weights, reference.positions)
+        weights = reference.weights + matrices
+        return Reference(np.linalg.solve(weights, products[..., None])[..., 0], weights)
+
     def nearest(self, positions: Array) -> Reference:
         """Return the points of the paths nearest to positions (knots, n), in order along every
         path.
@@ -294,22 +303,16 @@ class Course:
             found = cdist(positions[inner] @ factor, samples @ factor).argmin(axis=1)
             s[inner] = np.maximum.accumulate(grid[found])
         s[-1] = 1.0
-        return self._at(s)
+        return self.timed(self._at(s))
 
     def _at(self, s: Array) -> Reference:
         """Return the points at path parameters s (knots,); at a junction the next path begins.
 
-        Deviations along a path hardly count, but from the person's timing, except where the arm
-        rests and at the ends, beyond which they would lead.
+        Deviations along a path hardly count, except where the arm rests and at the ends, beyond
+        which they would lead.
         """
         positions, metrics, along, _ = self._along(s)
-        weights = metrics - (1.0 - _ALONG) * along
-        if self._timing is not None:
-            matrices, products = self._timing
-            products = products + np.einsum("kij,kj->ki", weights, positions)
-            weights = weights + matrices
-            positions = np.linalg.solve(weights, products[..., None])[..., 0]
-        return Reference(positions, weights)
+        return Reference(positions, metrics - (1.0 - _ALONG) * along)
 
     def _along(self, s: Array) -> tuple[Array, Array, Array, Array]:
         """Return points, metrics and their parts along the paths, and squared speeds along them."""

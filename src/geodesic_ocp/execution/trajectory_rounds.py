@@ -408,4 +408,6 @@ def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
     program = replace(coarse, knots=Knots.spaced(edges, durations))
     references = [terms.as_recorded(rest, stops) for terms in program.terms]
     states = through(references, program.knots, more * durations, rest)
+    pairs = zip(program.terms, references, strict=True)
+    references = [terms.timed(reference) for terms, reference in pairs]
     return program, states, references, watched_at_first(program, states), None
