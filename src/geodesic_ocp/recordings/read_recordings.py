@@ -13,6 +13,7 @@ import numpy as np
 
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis
 from geodesic_ocp.recordings.read_recording import (
@@ -164,6 +165,7 @@ def read_recordings(
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
     stated |= {"up": up, "marker_set": marker_set}
     check_arguments(side, up, numbers)
+    human_arm(side)  # raises for another side, or for both
     found: list[tuple[Path, Recording]] = []
     reasons: list[str] = []
     for file in recording_files(paths, recursive=recursive):
