@@ -1,11 +1,13 @@
-"""Make the pictures of the documentation: docs/show.gif, reach.gif, panda.png, and two of evidence.
+"""Make the pictures of the documentation: docs/show.gif, reach.gif, robots.webp, panda.png, and two
+of evidence.
 
-Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [reach.gif] [panda.png]
+Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [reach.gif] [robots.webp] [panda.png]
         python tools/pictures.py --recordings FILE:SIDE [FILE:SIDE ...] -- scores.png inertia.png
 
 show.gif is the bundled recording beside its retargeting on the Panda; panda.png the figure of the
-same; reach.gif the reach past a lamp of the README. It needs the extras robots and
-viewer, and takes about a minute. The same files follow from the same versions of the packages.
+same; robots.webp the recording on three robots; reach.gif the reach past a lamp of the README. It
+needs the extras robots and viewer, and takes a few minutes. The same files follow from the same
+versions of the packages.
 scores.png has the errors of all methods relative to straight lines, inertia.png those of geodesics
 by their joint inertia, on the given recordings and the bundled one.
 """
@@ -31,11 +33,15 @@ from geodesic_ocp.drawing.styles import new_figure
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 HEIGHT = 1.78  # [m], of the person, as the recording states
 DPI = 150.0
+ROBOTS = ("panda", "armar6-left", "g1-left-arm")  # in robots.webp
 
 
 def main() -> None:
     """Run the command line."""
-    makers = {"show.gif": make_show, "reach.gif": make_reach, "panda.png": make_figure}
+    makers = {
+        **{"show.gif": make_show, "reach.gif": make_reach},
+        **{"robots.webp": make_robots, "panda.png": make_figure},
+    }
     figures = {"scores.png": draw_scores, "inertia.png": draw_inertia}
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=DOCS, help="folder (default: docs)")
@@ -132,6 +138,14 @@ def make_show(path: Path) -> None:
     save_video(replace(playback, scenes=scenes, title="", plots=()), path, width=800, rate=12.5)
 
 
+def make_robots(path: Path) -> None:
+    """The person, a Panda, an arm of ARMAR-6, and an arm of G1."""
+    every = [playback_of(retargeted(robot)) for robot in ROBOTS]
+    scenes = (every[0].scenes[0], *(playback.scenes[1] for playback in every))
+    scenes = tuple(replace(scene, note="") for scene in scenes)
+    save_video(replace(every[0], scenes=scenes, title="", plots=()), path, width=1000, rate=12.5)
+
+
 def make_reach(path: Path) -> None:
     """A reach past a lamp."""
     arm = go.human_arm(side="right", height=1.75, mass=70.0)
@@ -148,13 +162,13 @@ def make_figure(path: Path) -> None:
     retargeted().plot().savefig(path, dpi=DPI)
 
 
-def retargeted() -> go.retargeting.Retargeting:
-    """The bundled recording on the Panda."""
+def retargeted(robot: str = "panda") -> go.retargeting.Retargeting:
+    """The bundled recording on a robot."""
     recording = str(files("geodesic_ocp") / "data" / "climb.csv")
     arm = go.human_arm("left", height=HEIGHT)
     motion = go.read_motion(recording, joints=arm.joint_names).filtered()
     analysis = go.analyse(arm, motion)
-    return go.retarget(analysis, go.load_model("panda"))
+    return go.retarget(analysis, go.load_model(robot), throw=False)
 
 
 if __name__ == "__main__":

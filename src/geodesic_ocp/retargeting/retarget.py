@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,7 +62,7 @@ _RATE = 100.0  # [Hz]
 # Where holding the arm takes much of a joint's torque, it gets this many times as much as that, up
 # to its limit.
 _MOVING = 1.5
-_WORTH = 0.95  # of the cost, for which a gripper is turned from how the person's hand is
+_WORTH = 0.95  # of the cost, from which a turned gripper is tried
 
 
 @shows_progress
@@ -187,18 +187,21 @@ def retarget_arms(
     paths: PlannedPaths | None = None
     bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first of each
     if settings.constrained:
-        grasps = [_better_grasp(pair, tolerance) for pair in bodies]
-        chosen, arms, candidates = map(list, zip(*grasps, strict=True))
-        pairs = [dict(zip(bodies, chosen, strict=True)).get(pair, pair) for pair in pairs]
-        bodies = chosen
-        far = [unattained(pair, candidates[pair.body]) for pair in pairs]
-        _warn_out_of_reach(pairs, far)
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
-        motion = problem(tuple(arms), tuple(candidates), kept, *weights, tolerance, report)
-        found: Any = solve(motion, throw=throw)
-        paths = found
-        transfers = [transfers_on(pair, found, each) for pair, each in zip(pairs, far, strict=True)]
+        grasps = [_grasps(pair, tolerance) for pair in bodies]
+        found: list[tuple[PlannedPaths, list[_Grasp]]] = []
+        for number in range(max(map(len, grasps))):  # that of the person, and turned
+            chosen = [each[min(number, len(each) - 1)] for each in grasps]
+            arms, candidates = (tuple(each) for each in list(zip(*chosen, strict=True))[1:])
+            motion: Any = problem(arms, candidates, kept, *weights, tolerance, report)
+            found.append((solve(motion, throw=throw and not number), chosen))
+        paths, chosen = min(found, key=lambda each: _rank(each[0]))
+        arms_of = dict(zip(bodies, (each[0] for each in chosen), strict=True))
+        pairs, bodies = [arms_of.get(pair, pair) for pair in pairs], list(arms_of.values())
+        far = [unattained(pair, chosen[pair.body][2]) for pair in pairs]
+        _warn_out_of_reach(pairs, far)
+        transfers = [transfers_on(pair, paths, each) for pair, each in zip(pairs, far, strict=True)]
     else:
         if len(bodies) < len(pairs):
             raise ValueError("the formulation 'geodesic' is of one hand; use 'constrained'")
@@ -302,13 +305,14 @@ def _heavier(robot: Model) -> Model:
     return with_rotor_inertia(robot)
 
 
-def _better_grasp(
-    pair: PairedArm, tolerance: float
-) -> tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]:
-    """Return the arm, its waypoints and candidates there; of an arm with a parallel gripper, turned
-    by 180 degrees if the best configurations cost less by a twentieth.
+_Grasp: TypeAlias = tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]
 
-    It is turned on the whole way, as what it holds turns with it.
+
+def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
+    """Return the arm, its waypoints and candidates there; also with its parallel gripper turned by
+    180 degrees, if the best configurations then cost less by a twentieth.
+
+    It is turned on the whole way, as what it holds turns with it. The paths decide.
     """
     is_either = pair.mapping.target.parallel_gripper and pair.settings.orientation_weight > 0.0
     is_either &= len(pair.mappings) == 1
@@ -316,11 +320,17 @@ def _better_grasp(
     for each in (pair, pair.turned) if is_either else (pair,):
         waypoints = arm_waypoints(each, tolerance)
         found.append((each, waypoints, tuple(first_candidates(waypoints))))
-    if not is_either:
-        return found[0]
-    weights = graph_weights(*found[0][1:], pair.settings)
-    costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
-    return found[costs[1] < _WORTH * costs[0]]
+    if is_either:
+        weights = graph_weights(*found[0][1:], pair.settings)
+        costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
+        return found if costs[1] < _WORTH * costs[0] else found[:1]
+    return found
+
+
+def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:
+    """Return whether paths failed, how many poses they miss, and their action."""
+    missed = sum(not each for of_arm in paths.within_reach for each in of_arm)
+    return not paths.success, missed, paths.action
 
 
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
