@@ -76,17 +76,16 @@ def retarget(
     joint_limits: LimitOptions = GivenLimits(),  # noqa: B008
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
 ) -> int:
-    """Transfer the synergies of a recording to a robot; the exit code is 1 if that is no success.
+    """Transfer the synergies of a recording to a robot; exit with 1 unless that is a success.
 
-    That is so if paths or trajectory are not found, if the trajectory fails its check, or if a pose
-    is missed by more than the tolerance. The reasons are printed, and the files written all the
-    same.
+    It is none if paths or trajectory are not found, the trajectory fails its check, or a pose is
+    missed by more than the tolerance. The reasons are printed, and the files written all the same.
 
     Args:
         file: recording, as for geodesic-ocp analyse.
         robot: name, such as panda (see geodesic-ocp models), or file (URDF, MJCF). With --side
-            both: of a body whose arms share a waist, such as g1, or twice, right and left.
-        side: the person's arm; both of one --robot are planned as one system with the waist.
+            both: one body whose arms share a waist, such as g1, or two robots, right and left.
+        side: the person's arm, or both; with one --robot both are one system with its waist.
         hand: hand (end-effector) frame of the robot; one for each --robot, or the right and the
             left one of a body.
         base: fixed frame of the robot that becomes its base, before which joints are locked; one
