@@ -18,7 +18,6 @@ from geodesic_ocp.cli.options import (
     GivenLimits,
     LimitOptions,
     RetargetingOptions,
-    Sides,
     as_obstacle,
     each_side,
     with_load,
@@ -32,7 +31,7 @@ from geodesic_ocp.cli.terminal import (
     why_no_pages,
 )
 from geodesic_ocp.drawing.viewer import report as write_report
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.model.model import Model
