@@ -94,8 +94,8 @@ def retarget(
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
             degrees about the vertical, to where most poses are within reach at least cost; with
             --out, also writes alignment.json.
-        payload: mass in the hand [kg], at the origin of its frame, or MASS,x,y,z at another centre,
-            or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
+        payload: mass in every hand [kg], at the origin of its frame, or MASS,x,y,z at another
+            centre, or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
             capsule:x,y,z,x,y,z,radius or half-space:x,y,z,nx,ny,nz (a point and the outward
             normal), in the frame of the robot's base [m, rad]; repeatable.
@@ -269,10 +269,11 @@ def _transfer(
 def _summarize(result: Retargeting) -> None:
     for arm in result.arms:
         errors = np.array(list(arm.pose_errors.values()))
-        missed = int(np.sum(errors.max(axis=1) > MISSED))
+        inexact = int(np.sum(errors.max(axis=1) > MISSED))
         distance, angle = errors.max(axis=0)
         poses = (
-            f"{missed} of {len(errors)} poses missed, by at most {distance:.2g} m, {angle:.2g} rad"
+            f"the hand is off {inexact} of {len(errors)} poses, by at most {distance:.2g} m, "
+            f"{angle:.2g} rad, {len(arm.missed)} of them beyond the tolerance"
         )
         print(
             f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "
