@@ -104,7 +104,7 @@ def by_the_program(
         begins=np.zeros(1),
         ends=np.ones(1),
         poses=(Pose(*arm.hand_pose(start)), pose),
-        between=(Pose(*arm.hand_pose(middle)),),
+        target_at=lambda numbers: (Pose(*arm.hand_pose(middle)),) * len(numbers),
         start=start,
         limits=go.execution.JointLimits(*np.full((4, arm.dof), np.inf)),
         offsets=None,

@@ -65,7 +65,7 @@ def waypoints(arm: go.Model) -> ArmWaypoints:
         begins=TIMES[:-1],
         ends=TIMES[1:],
         poses=tuple(poses),
-        hand=partial(hand_between, arm, CONFIGURATIONS),
+        target_at=partial(hand_between, arm, CONFIGURATIONS),
         start=CONFIGURATIONS[0],
         limits=no_limits(arm.dof),
         offsets=None,
@@ -186,7 +186,7 @@ def test_configurations_are_chosen_for_the_whole(
             begins=TIMES[1:2],
             ends=TIMES[2:],
             poses=waypoints.poses[1:],
-            hand=partial(hand_between, waypoints.arm, CONFIGURATIONS[1:]),
+            target_at=partial(hand_between, waypoints.arm, CONFIGURATIONS[1:]),
             start=start,
         )
     )
@@ -214,7 +214,7 @@ def test_hand_stays_nearer_to_the_persons_for_more_energy(
 
     def hand(numbers: Array) -> tuple[Pose, ...]:
         beside = 0.1 * np.sin(np.pi * numbers)[:, None] * DIRECTION
-        poses = zip(waypoints.hand(numbers), beside, strict=True)
+        poses = zip(waypoints.target_at(numbers), beside, strict=True)
         return tuple(Pose(pose.rotation, pose.position + by) for pose, by in poses)
 
     def strays(paths: PlannedPaths) -> float:
@@ -222,7 +222,7 @@ def test_hand_stays_nearer_to_the_persons_for_more_energy(
         _, own = waypoints.arm.hand_pose(paths.paths[0][0](s))
         return float(np.linalg.norm(own - [pose.position for pose in hand(s)], axis=1).mean())
 
-    near = planned(replace(waypoints, hand=hand, path_tolerance=(0.01, 0.1)))
+    near = planned(replace(waypoints, target_at=hand, path_tolerance=(0.01, 0.1)))
     assert near.success
     assert strays(near) < 0.5 * strays(found)
     assert near.action > found.action
@@ -306,7 +306,7 @@ def test_another_posture_is_tried_before_a_pose_is_given_up() -> None:
         begins=np.array([0.0]),
         ends=np.array([1.0]),
         poses=poses,
-        hand=partial(hand_between, arm, np.array([start, low])),
+        target_at=partial(hand_between, arm, np.array([start, low])),
         start=start,
         limits=no_limits(2),
         offsets=None,

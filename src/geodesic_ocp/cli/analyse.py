@@ -17,13 +17,12 @@ from geodesic_ocp.cli.options import (
     Flag,
     ManyOptions,
     ManyRecordings,
-    Sides,
     each_side,
 )
 from geodesic_ocp.cli.study import study
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.formats.delimited import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit

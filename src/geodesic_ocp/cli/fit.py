@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from cyclopts import Parameter as Option
 
-from geodesic_ocp.cli.options import FitOptions, Flag, Sides, each_side
+from geodesic_ocp.cli.options import FitOptions, Flag, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, progress
 from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.errors import RecordingError
@@ -24,6 +24,7 @@ from geodesic_ocp.fitting.resampling import bootstrap_fit, separate_fits
 from geodesic_ocp.fitting.resampling import leave_one_out as predicted
 from geodesic_ocp.fitting.segment_terms import Measure
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
+from geodesic_ocp.model.anthropometry import Sides
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recordings import read_recordings
 from geodesic_ocp.recordings.recording import Recording

@@ -15,9 +15,9 @@ from geodesic_ocp.cli.terminal import Interrupts
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.records import read_structured
 
-_EXIT = """Exit codes: 0 done; 1 a check failed, some of many recordings were left out, or an error
-in a problem's own code, shown whole; 2 wrong input, named in one line; 3 a solver or integration
-failed; 130 interrupted."""
+_EXIT = """Exit codes: 0 done; 1 a check failed, a retargeting is no success, some of many
+recordings were left out, or an error in a problem's own code, shown whole; 2 wrong input, named in
+one line; 3 a solver or integration failed; 130 interrupted."""
 _EXTRA = "pip install 'geodesic_ocp["  # in messages about packages that are not installed
 # Earlier spellings of options.
 _EARLIER = {

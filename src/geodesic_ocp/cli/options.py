@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -20,7 +20,7 @@ from geodesic_ocp.execution.limits import (
     joint_limits,
     within_ranges,
 )
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace, Obstacle
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
@@ -197,7 +197,6 @@ class ManyRecordings:
         return {each.name: value for each, value in pairs if value != each.default}
 
 
-Sides: TypeAlias = Literal["right", "left", "both"]
 RecordingOptions = Annotated[RecordingSettings, Parameter(name="*", group="Recording")]
 AnalysisOptions = Annotated[AnalysisSettings, Parameter(name="*", group="Analysis")]
 ManyOptions = Annotated[ManyRecordings, Parameter(name="*", group="Many recordings")]

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from geodesic_ocp.cli.analyse import analysed
 from geodesic_ocp.cli.kinds import Kind, file_kind, folder_files
-from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides, each_side
+from geodesic_ocp.cli.options import Flag, RecordingOptions, each_side
 from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.drawing.alignments import alignment_playback
@@ -32,7 +32,7 @@ from geodesic_ocp.drawing.recording_scenes import (
 )
 from geodesic_ocp.drawing.scene import Playback
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side, trunk
+from geodesic_ocp.model.anthropometry import Side, Sides, trunk
 from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.formats.description import read_file
 from geodesic_ocp.model.formats.load_model import last_link, load_model

@@ -18,7 +18,6 @@ from geodesic_ocp.cli.options import (
     GivenLimits,
     LimitOptions,
     RetargetingOptions,
-    Sides,
     as_obstacle,
     each_side,
     with_load,
@@ -32,7 +31,7 @@ from geodesic_ocp.cli.terminal import (
     why_no_pages,
 )
 from geodesic_ocp.drawing.viewer import report as write_report
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.model.model import Model
@@ -76,17 +75,16 @@ def retarget(
     joint_limits: LimitOptions = GivenLimits(),  # noqa: B008
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
 ) -> int:
-    """Transfer the synergies of a recording to a robot; the exit code is 1 if that is no success.
+    """Transfer the synergies of a recording to a robot; exit with 1 unless that is a success.
 
-    That is so if paths or trajectory are not found, if the trajectory fails its check, or if a pose
-    is missed by more than the tolerance. The reasons are printed, and the files written all the
-    same.
+    It is none if paths or trajectory are not found, the trajectory fails its check, or a pose is
+    missed by more than the tolerance. The reasons are printed, and the files written all the same.
 
     Args:
         file: recording, as for geodesic-ocp analyse.
         robot: name, such as panda (see geodesic-ocp models), or file (URDF, MJCF). With --side
-            both: of a body whose arms share a waist, such as g1, or twice, right and left.
-        side: the person's arm; both of one --robot are planned as one system with the waist.
+            both: one body whose arms share a waist, such as g1, or two robots, right and left.
+        side: the person's arm, or both; with one --robot both are one system with its waist.
         hand: hand (end-effector) frame of the robot; one for each --robot, or the right and the
             left one of a body.
         base: fixed frame of the robot that becomes its base, before which joints are locked; one
@@ -96,8 +94,8 @@ def retarget(
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
             degrees about the vertical, to where most poses are within reach at least cost; with
             --out, also writes alignment.json.
-        payload: mass in the hand [kg], at the origin of its frame, or MASS,x,y,z at another centre,
-            or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
+        payload: mass in every hand [kg], at the origin of its frame, or MASS,x,y,z at another
+            centre, or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
             capsule:x,y,z,x,y,z,radius or half-space:x,y,z,nx,ny,nz (a point and the outward
             normal), in the frame of the robot's base [m, rad]; repeatable.
@@ -271,10 +269,11 @@ def _transfer(
 def _summarize(result: Retargeting) -> None:
     for arm in result.arms:
         errors = np.array(list(arm.pose_errors.values()))
-        missed = int(np.sum(errors.max(axis=1) > MISSED))
+        inexact = int(np.sum(errors.max(axis=1) > MISSED))
         distance, angle = errors.max(axis=0)
         poses = (
-            f"{missed} of {len(errors)} poses missed, by at most {distance:.2g} m, {angle:.2g} rad"
+            f"the hand is off {inexact} of {len(errors)} poses, by at most {distance:.2g} m, "
+            f"{angle:.2g} rad, {len(arm.missed)} of them beyond the tolerance"
         )
         print(
             f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "

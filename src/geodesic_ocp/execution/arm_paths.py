@@ -90,7 +90,7 @@ def hand_speeds(robot: Model, q: Array, v: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def hand_velocity(robot: Model) -> ca.Function:
-    """Return (q, v) -> J(q) v, the velocities of the h hands below each other (3 h,) [m/s]."""
+    """Return (q, v) -> J(q) v, the stacked velocities of the h hands (3 h,) [m/s]."""
     q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
     places = robot.stacked_poses(robot.hands, q)[1]
     return ca.Function("velocity", [q, v], [ca.jtimes(places, q, v)])

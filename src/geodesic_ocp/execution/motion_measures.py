@@ -208,8 +208,8 @@ def compare_with_tracking(
         turning, placing: settings of inverse kinematics, see `track_within_limits`.
         starts: where it begins, likewise; None: where the trajectory begins.
         name: name of the trajectory.
-        together: all hands of a body, that are tracked with this one, and their poses below each
-            other, see `track_within_limits`.
+        together: all hands of a body, that are tracked with this one, and their stacked poses, see
+            `track_within_limits`.
 
     Raises:
         ValueError: uneven samples, or arguments of the wrong shape.

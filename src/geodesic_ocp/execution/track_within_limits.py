@@ -89,7 +89,7 @@ def track_within_limits(
         turning, placing: whether it tracks rotations, and positions.
         solver: solver of the problem of a step in place of DAQP; from q, w, the speeds towards the
             posture and those of the step before, d^2 + |e|^2, and the bounds, it gives v.
-        hands: h hands of the model that are tracked together; `poses` are then below each other,
+        hands: h hands of the model that are tracked together; `poses` are then stacked,
             (m, 3 h, 3) and (m, 3 h). Empty: the hand of the model.
 
     Returns:

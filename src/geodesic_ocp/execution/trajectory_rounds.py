@@ -238,7 +238,6 @@ class TrajectoryAttempt:
         excess: largest excess over a limit, relative or [rad or m].
         change: change of the duration in this round, relative.
         outcome: outcome of Ipopt.
-        solved: whether it found a solution.
         status: in words.
         iterations: iterations of Ipopt.
         multipliers: multipliers of the program, see `TrajectoryProgram.solve`.
@@ -252,7 +251,6 @@ class TrajectoryAttempt:
     excess: float
     change: float
     outcome: Outcome
-    solved: bool
     status: str
     iterations: int
     multipliers: tuple[Array, Multipliers]
@@ -260,7 +258,7 @@ class TrajectoryAttempt:
     @property
     def success(self) -> bool:
         """True if all limits are kept."""
-        return self.solved and self.excess <= TOLERANCE
+        return self.outcome.success and self.excess <= TOLERANCE
 
 
 def solve_in_rounds(
@@ -303,7 +301,7 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
         return attempts[-1]
 
     def examine(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
-        if not found.solved or (found.success and found.change <= _SETTLED):
+        if not found.outcome.success or (found.success and found.change <= _SETTLED):
             return found, None
         if number >= _LATE and TOLERANCE < found.excess <= _SLIGHTLY:
             attempts.append(_slowed(found))
@@ -337,10 +335,10 @@ def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
 
 def _slowed(found: TrajectoryAttempt) -> TrajectoryAttempt:
     """Return the same motion, slower by its excess over the limits."""
-    slower, (states, outcome) = 1.0 + found.excess, (found.states, found.outcome)
-    arms = tuple(q / slower ** np.arange(3.0)[:, None, None] for q in states.arms)
-    states = KnotStates(states.durations * slower, arms)
-    given = found.program, states, found.watched, found.excess, outcome, found.multipliers
+    slower = 1.0 + found.excess
+    arms = tuple(states / slower ** np.arange(3.0)[:, None, None] for states in found.states.arms)
+    states = KnotStates(found.states.durations * slower, arms)
+    given = found.program, states, found.watched, found.excess, found.outcome, found.multipliers
     return replace(_checked(*given), iterations=0)
 
 
@@ -371,7 +369,7 @@ def _checked(
         status = f"{outcome.status}; {worst} by {excess:.2g}"
     return TrajectoryAttempt(
         *(program, states, watched, tuple(checks), distances, excess, change),
-        *(outcome, outcome.success, status, outcome.iterations, multipliers),
+        *(outcome, status, outcome.iterations, multipliers),
     )
 
 

@@ -20,6 +20,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
 
 Side = Literal["right", "left"]
+Sides = Literal["right", "left", "both"]
 TableName = Literal["winter", "de_leva"]
 Sex = Literal["male", "female"]
 # Winter's, to the fingertips; that of de Leva ends at the third metacarpal.

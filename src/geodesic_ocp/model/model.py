@@ -218,7 +218,7 @@ class Model:
         return rotation, position if is_symbolic(q) else position[..., 0]
 
     def stacked_poses(self, frames: Sequence[str], q: Any) -> Any:
-        """Return poses of h frames below each other: rotations (3 h, 3) and positions (3 h,) [m].
+        """Return stacked poses of h frames: rotations (3 h, 3) and positions (3 h,) [m].
 
         For k configurations (k, n): rotations (k, 3 h, 3) and positions (k, 3 h).
         """
@@ -228,7 +228,7 @@ class Model:
         return np.concatenate(rotations, axis=-2), np.concatenate(positions, axis=-1)
 
     def stacked_jacobians(self, frames: Sequence[str], q: Any) -> Any:
-        """Return Jacobians of h frames below each other (6 h, n), see `hand_jacobian`."""
+        """Return stacked Jacobians of h frames (6 h, n), see `hand_jacobian`."""
         indices = [frame_index(self.pin, frame) for frame in frames]
         found = [self._functions.value("jacobian", index, q=q) for index in indices]
         return ca.vertcat(*found) if is_symbolic(q) else np.concatenate(found, axis=-2)

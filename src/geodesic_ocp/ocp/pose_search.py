@@ -298,7 +298,7 @@ class PoseSearch:
     Attributes:
         model: model whose hands they are.
         near: configuration (n,) to stay near to.
-        position, rotation: positions and rotations of h hands below each other, (3 h,), (3 h, 3).
+        position, rotation: stacked positions and rotations of h hands, (3 h,), (3 h, 3).
         rows: which of the six rows of the pose error (position, rotation vector) of each hand are
             part of it.
         axes: axes (3, 3) of position errors.
@@ -518,8 +518,8 @@ def errors_and_twists(
     q, p = (ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate("qp"))
     first = model.dof + 12 * len(named)
     axes, twists = ca.reshape(p[first : first + 9], 3, 3), []
-    for hand in named:
-        jacobian = model.stacked_jacobians([hand], q)
+    jacobians = ca.vertsplit(model.stacked_jacobians(named, q), 6)
+    for hand, jacobian in zip(named, jacobians, strict=True):
         rotation, _ = model.frame_pose(hand, q)
         twists += [axes.T @ jacobian[:3, :], rotation.T @ jacobian[3:, :]]
     outputs = ca.cse([function(q, p), ca.densify(ca.vertcat(*twists)[list(rows), :])])

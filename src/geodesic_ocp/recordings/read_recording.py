@@ -8,11 +8,11 @@ from dataclasses import replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side, trunk
+from geodesic_ocp.model.anthropometry import Side, Sides, trunk
 from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.human import (
     DEFAULT_HEIGHT,
@@ -121,7 +121,7 @@ def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 def read_recording(
     path: str | PathLike[str],
-    side: Side | Literal["both"] = "right",
+    side: Sides = "right",
     *,
     height: float | None = None,
     mass: float | None = None,
@@ -202,7 +202,7 @@ def read_recording(
     return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name, fit)
 
 
-def _motion_of(file: Path, side: Side | Literal["both"], stated: dict[str, Any]) -> Motion:
+def _motion_of(file: Path, side: Sides, stated: dict[str, Any]) -> Motion:
     """Return the joints of an arm, or of both, with those of the trunk if the file has them."""
     if side != "both":
         return read_motion(file, human_arm(side).joint_names, **stated)
@@ -214,7 +214,7 @@ def _motion_of(file: Path, side: Side | Literal["both"], stated: dict[str, Any])
 
 
 def check_arguments(
-    side: Side | Literal["both"],
+    side: Sides,
     up: Axis | None,
     numbers: Mapping[str, Any],
     *,
@@ -250,7 +250,7 @@ def check_arguments(
 def _arm_of(
     subject: Subject,
     file: Path,
-    side: Side | Literal["both"],
+    side: Sides,
     height: float | None,
     mass: float | None,
     armature: float,
@@ -286,9 +286,7 @@ def _fitted(
 
 
 @lru_cache(maxsize=8)  # recordings of one person share the arm and what was compiled for it
-def _arm(
-    side: Side | Literal["both"], height: float, mass: float, armature: float, has_trunk: bool
-) -> Model:
+def _arm(side: Sides, height: float, mass: float, armature: float, has_trunk: bool) -> Model:
     if side != "both":
         return human_arm(side, height, mass, armature=armature)
     if has_trunk:

@@ -116,13 +116,11 @@ def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors)
         is_attained |= len(pair.hands) > 1 and max(errors) <= MISSED  # where another hand is not
         if number in out_of_reach:
             status = OUT_OF_REACH
+        elif not is_attained and pair.is_missed(errors):
+            status = TOO_NEAR
         elif not is_attained:
-            near = (
-                NEAR_MISS
-                if len(pair.hands) == 1 or paths.near_misses[pair.body][at]
-                else OTHER_HAND
-            )
-            status = TOO_NEAR if pair.is_missed(errors) else near
+            on_purpose = len(pair.hands) == 1 or paths.near_misses[pair.body][at]
+            status = NEAR_MISS if on_purpose else OTHER_HAND
         found.append(
             Transfer(path, pose, is_attained, *errors, paths.iterations, paths.success, status)
         )
@@ -247,13 +245,13 @@ class RetargetedArm(PairedArm):
             return self.first.baseline
         motion, time, settings = self.analysis.motion, self.motion.time, self.settings
         begin = self.groups[0].start
-        (first,), start = self.targets(motion.q[begin : begin + 1]), self.motion.q[0]
-        is_there, is_given = max(first.error(self.robot, start)) <= _CLOSE, self.start is not None
+        (pose,), start = self.targets(motion.q[begin : begin + 1]), self.motion.q[0]
+        is_there, is_given = max(pose.error(self.robot, start)) <= _CLOSE, self.start is not None
         starts, count = [start] if is_there else [], 1 if is_given else _STARTS
         if len(starts) < count:
             placed = settings.within_limits, settings.pose_weights, settings.collisions
             starts += nearest_configurations(
-                self.bounded, start, first, *placed, enough=count, settled=_ANYWHERE, least=count
+                self.bounded, start, pose, *placed, enough=count, settled=_ANYWHERE, least=count
             )
 
         def poses(instants: Array) -> tuple[Array, Array]:
@@ -263,8 +261,8 @@ class RetargetedArm(PairedArm):
         return track_within_limits(
             *(self.bounded, starts[:count], time, poses, self.limits),
             rate=_BASELINE_RATE,
-            turning=first.rotation is not None,
-            placing=first.position is not None,
+            turning=pose.rotation is not None,
+            placing=pose.position is not None,
             hands=self.hands,
         )
 

@@ -362,7 +362,7 @@ def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
     In units of 1 rad and of a fraction of the arm's length, per movement and hand. Of two ways
     around, on which the hand turns to either side, one is that of the person.
     """
-    (pose,) = waypoints.hand(np.array([number + 0.5]))
+    (pose,) = waypoints.target_at(np.array([number + 0.5]))
     distances, angles = pose.errors(waypoints.arm, middle)
     squares = angles**2 + (distances / (_FAR * waypoints.alignment.length)) ** 2
     return np.asarray(squares.mean(axis=1) / waypoints.count)

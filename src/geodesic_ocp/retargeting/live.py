@@ -51,8 +51,8 @@ class LiveCommand(ShortRepr):
     Attributes:
         time: since the first step began [s].
         position, velocity, acceleration: [rad or m], per second, per second squared.
-        torque: what this takes by inverse dynamics, with gravity as the robot is aligned [N m or
-            N]. It is not limited: compare it with the limits.
+        torque: of this state by inverse dynamics, with gravity as the robot is aligned [N m or N].
+            It is not limited: compare it with the limits.
     """
 
     time: float
@@ -67,11 +67,11 @@ class LiveRetargeting:
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep the
     limits of position, speed, acceleration and jerk, whatever the samples are. They lag behind by
-    `delay`, and by more where the limits do not allow the person's speed. Torques are told
+    `delay`, and by more where the limits do not allow the person's speed. Torques are reported
     (`LiveCommand.torque`) and not limited; the speed of the hand, and distances between links or to
-    obstacles, are not considered. A parallel gripper is turned as it begins, or after a gap, to the
-    nearer one of both grasps. Synergies of the person are closed as soon as
-    the rule of `segment` is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
+    obstacles, are not considered. At the beginning, and after a gap, a parallel gripper takes the
+    nearer one of both grasps. Synergies of the person are closed as soon as the rule of `segment`
+    is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
 
     >>> import numpy as np, geodesic_ocp as go
     >>> person, robot = go.human_arm("right"), go.human_arm("right", height=1.95)

@@ -3,13 +3,13 @@
 Minimized is the action of all paths, sum_k (energy of path k) / (its duration), which is the
 integral of the kinetic energy at constant speeds, plus the time that the joints' speed limits add,
 plus terms of posture and likeness (`ObjectiveWeights`), and of the hand's distance from the
-person's between the poses. Variables are the positions at the nodes of
-all paths, so that the configurations where they meet are shared, and the relative time added to
-each interval between two instants at which a movement of any arm begins or ends. The hand's poses
-at the waypoints are equalities, or squared errors where they are out of reach; joint limits are
-bounds; mean speeds within limits are linear inequalities. Distances that are too small enter as
-inequalities with slack variables, whose sum has a large weight (an exact penalty; Fletcher 1987),
-as the pose at a waypoint may not allow them.
+person's between the poses. Variables are the positions at the nodes of all paths, so that the
+configurations where they meet are shared, and the relative time added to each interval between two
+instants at which a movement of any arm begins or ends. The hand's poses at the waypoints are
+equalities, or squared errors where they are out of reach; joint limits are bounds; mean speeds
+within limits are linear inequalities. Distances that are too small enter as inequalities with slack
+variables, whose sum has a large weight (an exact penalty; Fletcher 1987), as the pose at a waypoint
+may not allow them.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ class ArmPart:
         """
         given, grid = self.waypoints, self.grid
         edges = grid.breakpoints[[0, *self.last_segments]]
-        poses = given.hand(np.interp(grid.nodes, edges, np.arange(edges.size)))
+        poses = given.target_at(np.interp(grid.nodes, edges, np.arange(edges.size)))
         counted = [0 in given.rows, 3 in given.rows]
         units = np.where(counted, 1.0 / np.array(given.path_tolerance), 0.0)
         values = np.array([[*pose.numbers, *units] for pose in poses])

@@ -93,8 +93,8 @@ def retarget(
     A robot with several hands (`Model.hands`), such as a humanoid's waist with both arms, takes
     over the motion of a person's model with several (`human_upper_body`, or `combine` of two arms):
     the poses of both hands at the ends of the synergies are conditions of one program, in which the
-    arms share the waist. It turns as the person's thorax does, or stays upright if the recording
-    has no trunk, up to `RetargetingSettings.likeness_weight` against energy and poses.
+    arms share the waist. It is drawn to the orientation of the person's thorax, or upright if the
+    recording has no trunk (`RetargetingSettings.likeness_weight`).
 
     Args:
         analysis: analysis of the person's motion (`analyse`).
@@ -310,21 +310,22 @@ _Grasp: TypeAlias = tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]
 
 def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
     """Return the arm, its waypoints and candidates there; also with its parallel gripper turned by
-    180 degrees, if the best configurations then cost less by a twentieth.
+    180 degrees, if the shortest path through the candidates then costs less by a twentieth.
 
-    It is turned on the whole way, as what it holds turns with it. The paths decide.
+    It is turned in all poses, as what it holds turns with it. Which grasp is taken, the paths of
+    both decide.
     """
-    is_either = pair.mapping.target.parallel_gripper and pair.settings.orientation_weight > 0.0
-    is_either &= len(pair.mappings) == 1
+    turns = pair.mapping.target.parallel_gripper and len(pair.mappings) == 1
+    turns &= pair.settings.orientation_weight > 0.0
     found = []
-    for each in (pair, pair.turned) if is_either else (pair,):
+    for each in (pair, pair.turned) if turns else (pair,):
         waypoints = arm_waypoints(each, tolerance)
         found.append((each, waypoints, tuple(first_candidates(waypoints))))
-    if is_either:
-        weights = graph_weights(*found[0][1:], pair.settings)
-        costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
-        return found if costs[1] < _WORTH * costs[0] else found[:1]
-    return found
+    if not turns:
+        return found
+    weights = graph_weights(*found[0][1:], pair.settings)
+    costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
+    return found if costs[1] < _WORTH * costs[0] else found[:1]
 
 
 def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:

@@ -36,9 +36,9 @@ class RetargetingSettings(ShortRepr):
     Weights are relative to the energy of the paths, in units of the least action.
 
     Attributes:
-        formulation: constrained: all synergies in one program, paths of least energy between
-            configurations in which the hand has exactly the target poses; a pose out of reach is
-            replaced by the nearest pose. geodesic: one synergy after the other, each the free
+        formulation: constrained: all synergies in one program, paths of low energy between
+            configurations in which the hand has the target poses; a pose out of reach is replaced
+            by one nearby. geodesic: one synergy after the other, each the free
             geodesic whose end comes nearest to the pose, without limits and collision avoidance.
         limits: keep the joints within their position limits.
         speed_limits: meet the limits of the joints on speed, acceleration, jerk and torque, by the
@@ -52,17 +52,17 @@ class RetargetingSettings(ShortRepr):
         deviation_weight: weight of the trajectory's distance from the paths against time; larger
             values round the corners between synergies less.
         pose_tolerance: distance [m] and angle [rad] by which the hand may miss a pose where that
-            saves a detour, as it must where the pose is out of reach. A rest in which the
-            person's hand drifts farther becomes a movement. Poses missed by more make the result
-            no success.
-        exact: attain every pose; as a pose tolerance of zero.
-        path_tolerance: distance [m] and angle [rad] of the hand from the person's, between the
-            poses, within which straying costs little, and beyond which in proportion; larger values
-            save energy and time. Infinite: between the poses the hand is free.
+            saves a detour. A rest in which the person's hand drifts farther becomes a movement. A
+            pose that is missed by more, as it may be out of reach, makes the result no success.
+        exact: attain every pose that is within reach; as a pose tolerance of zero.
+        path_tolerance: distance [m] and angle [rad] between the robot's hand and the person's that
+            cost little between the poses; what is beyond costs in proportion. Larger values save
+            energy and time; inf leaves the hand free between the poses.
         posture_weight: weight of the joints' mean squared distance from the middle of their ranges
             at the ends of the synergies, in half ranges.
         likeness_weight: weight of the mean squared difference between the elbow's offset from the
-            line between shoulder and wrist and the person's offset, in lengths of the arm.
+            line between shoulder and wrist and the person's offset, in lengths of the arm; of a
+            body also of the squared angle [rad] between the turns of waist and thorax.
         position_weight: weight of the position error of poses that are not reached [1/m]; 0 leaves
             the hand's position free.
         orientation_weight: weight of the orientation error of poses that are not reached [1/rad]; 0

@@ -50,7 +50,7 @@ _STEADY = 1e-3  # of the person's progress, which goes on in pauses
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pose(ShortRepr):
-    """A target for the hand, or for h hands of a body at once, below each other.
+    """A target for the hand, or for h hands of a body at once, stacked.
 
     Attributes:
         rotation: (3 h, 3), or None if it is free.
@@ -316,13 +316,12 @@ class PairedArm(ShortRepr):
     @property
     def of_hands(self) -> tuple[PairedArm, ...]:
         """The pairs of all hands of the robot."""
-        q = self.analysis.motion.q
-        pairs = zip(self.hands, self.mappings, strict=True)
         if len(self.mappings) == 1:
             return (self,)
+        q = self.analysis.motion.q
         return tuple(
             replace(self, robot=self.robot.with_hand(hand), target_poses=mapping(q))
-            for hand, mapping in pairs
+            for hand, mapping in zip(self.hands, self.mappings, strict=True)
         )
 
     @property
@@ -380,7 +379,7 @@ class PairedArm(ShortRepr):
         return self.as_pose(*(each[sample] for each in self.target_poses))
 
     def mapped(self, q: Array) -> tuple[Array, Array]:
-        """Return poses of all hands below each other, for the person's configurations (k, n)."""
+        """Return stacked poses of all hands for the person's configurations (k, n)."""
         rotations, positions = zip(*(mapping(q) for mapping in self.mappings), strict=True)
         return np.concatenate(rotations, axis=1), np.concatenate(positions, axis=1)
 
@@ -515,8 +514,8 @@ class ArmWaypoints(ShortRepr):
         begins, ends: times [s] in the recording at which the m movements begin and end, (m,) each;
             between two movements the arm rests.
         poses: poses of the hands at the start and at the end of each movement, m + 1 of them.
-        hand: poses of the person's hands, mapped to the robot, after so many movements (k,): 0.5
-            is halfway through the first, by the person's progress.
+        target_at: poses of the person's hands, mapped to the robot, after so many movements (k,):
+            0.5 is halfway through the first, by the person's progress.
         start: configuration (n,) to begin in; None: any with the first pose.
         limits: limits of the joints.
         offsets: offsets of the person's h elbows at the waypoints (m + 1, 3 h), see `elbow_offset`;
@@ -537,7 +536,7 @@ class ArmWaypoints(ShortRepr):
     begins: Array
     ends: Array
     poses: tuple[Pose, ...]
-    hand: Callable[[Array], tuple[Pose, ...]]
+    target_at: Callable[[Array], tuple[Pose, ...]]
     start: Array | None
     limits: JointLimits
     offsets: Array | None
@@ -637,7 +636,7 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         begins, ends, samples = pair.edges[:1], pair.edges[-1:], samples * 2
     begun, ended = (np.interp(times, *pair.progress) for times in (begins, ends))
 
-    def hand(numbers: Array) -> tuple[Pose, ...]:
+    def target_at(numbers: Array) -> tuple[Pose, ...]:
         which = np.minimum(numbers.astype(int), begun.size - 1)
         upto = begun[which] + (numbers - which) * (ended - begun)[which]
         return pair.targets(motion(np.interp(upto, *pair.progress[::-1])))
@@ -655,7 +654,7 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         begins=begins,
         ends=ends,
         poses=pair.targets(q),
-        hand=hand,
+        target_at=target_at,
         start=pair.start,
         limits=pair.limits,
         offsets=offsets,

@@ -14,13 +14,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Sides
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recording import read_recording, that_apply
 from geodesic_ocp.recordings.recording import Recording
@@ -65,7 +65,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
 
 def read_by_settings(
     path: Path,
-    side: Side | Literal["both"],
+    side: Sides,
     settings: AnalysisSettings,
     height: float | None,
     mass: float | None,

@@ -113,7 +113,7 @@ def pose_differences(
 ) -> tuple[Array, Array]:
     """Get distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each.
 
-    Of h hands below each other, (k, 3 h, 3) and (k, 3 h): (k, h).
+    Of h hands, stacked, (k, 3 h, 3) and (k, 3 h): (k, h).
     """
     (turned, places), (wanted, others) = (
         (rotations.reshape(-1, 3, 3), positions.reshape(-1, 3))
