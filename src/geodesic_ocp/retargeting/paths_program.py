@@ -179,8 +179,12 @@ class ArmPart:
         counted = [0 in given.rows, 3 in given.rows]
         units = np.where(counted, 1.0 / np.array(given.path_tolerance), 0.0)
         values = np.array([[*pose.numbers, *units] for pose in poses])
-        shares = np.append(grid.weights[:, :-1].ravel(), 0.0)
-        shares[grid.degree :: grid.degree] += grid.weights[:, -1]
+        # A way between poses that the hand cannot attain would be a detour.
+        attained = (self.missed == 0.0) | self.allowed
+        movement = np.searchsorted(self.last_segments, np.arange(grid.segments), side="right")
+        weights = grid.weights * (attained[:-1] & attained[1:])[movement, None]
+        shares = np.append(weights[:, :-1].ravel(), 0.0)
+        shares[grid.degree :: grid.degree] += weights[:, -1]
         places = first + self.dof * np.arange(grid.size)[:, None] + np.arange(self.dof)
         return Block(_off_the_hands(given.arm, given.hands), places, values, weights=_HAND * shares)
 
