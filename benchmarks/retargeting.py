@@ -32,6 +32,7 @@ from geodesic_ocp.tables import markdown, new_table
 ROBOTS = (
     *("panda", "xarm7", "ur5", "talos-left-arm", "talos-right-arm"),
     *("tiago-pro-left-arm", "tiago-pro-right-arm", "armar6-left", "armar6-right"),
+    *("g1-left-arm", "g1-right-arm"),
 )
 LIMIT = 1.0 + 1e-6  # largest share of a limit
 FINE = 20  # points per node of the grid at which limits are checked

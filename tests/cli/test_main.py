@@ -564,6 +564,8 @@ def test_both_arms_of_a_recording(shared: Path, capsys: pytest.CaptureFixture[st
     arguments = ["retarget", str(file), "--side", "both", "--threshold", "1.5", "--no-limits"]
     code = cli.main([*arguments, "--robot", "talos-right-arm", "--robot", "talos-left-arm"])
     printed = capsys.readouterr()
-    assert code == ("poses missed by more than the tolerance:" in printed.err)  # at links too near
+    # Joints of Talos are too weak, or poses are missed where links are too near.
+    titles = "not for a robot:", "poses missed by more than the tolerance:"
+    assert code == any(title in printed.err for title in titles)
     assert "human right arm on talos-right-arm" in printed.out
     assert "human left arm on talos-left-arm" in printed.out
