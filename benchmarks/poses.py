@@ -14,14 +14,10 @@ import geodesic_ocp as go
 from geodesic_ocp.retargeting.arm_result import Transfer
 from geodesic_ocp.retargeting.candidates import first_candidates
 from geodesic_ocp.retargeting.free_geodesics import to_pose
+from geodesic_ocp.retargeting.paired_arm import Pose, nearest_configurations, with_narrowed_limits
 from geodesic_ocp.retargeting.settings import Formulation
 from geodesic_ocp.retargeting.synergy_paths import SynergyPaths
-from geodesic_ocp.retargeting.waypoints import (
-    ArmWaypoints,
-    Pose,
-    nearest_configurations,
-    with_narrowed_limits,
-)
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
 REACHED = 1e-6  # [m] and [rad]

@@ -13,7 +13,7 @@ from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
 from geodesic_ocp.retargeting.arm_alignment import align
 from geodesic_ocp.retargeting.arm_result import compare_under_equal_limits
-from geodesic_ocp.retargeting.waypoints import PoseMapping
+from geodesic_ocp.retargeting.paired_arm import PoseMapping
 
 EDGES = np.array([3.0, 3.6, 4.2])
 WAY = 0.5 * np.array([1.0, 0.4, -0.8, 1.0, 0.2, 0.1, 0.3])

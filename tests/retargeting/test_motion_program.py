@@ -20,6 +20,7 @@ from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.retargeting.candidates import Candidates
+from geodesic_ocp.retargeting.paired_arm import Pose
 from geodesic_ocp.retargeting.paths_program import (
     ArmPart,
     MotionProgram,
@@ -27,7 +28,7 @@ from geodesic_ocp.retargeting.paths_program import (
     positions_at,
 )
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, Pose
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 
 CONFIGURATIONS = np.array(
     [

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 from small_retargeting import small_analysis
 
 import geodesic_ocp as go
+from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.retargeting.reachability import nearest_poses, random_starts
 from geodesic_ocp.retargeting.retarget import paired_arms
-from geodesic_ocp.retargeting.waypoints import PairedArm
 
 LENIENT = go.RetargetingSettings(merge=0.4, self_collision=False)
 

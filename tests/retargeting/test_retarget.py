@@ -17,7 +17,7 @@ from short_reprs import check_reprs
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
-from geodesic_ocp.retargeting.waypoints import REACHED
+from geodesic_ocp.retargeting.paired_arm import REACHED
 
 
 @pytest.fixture(scope="module")

@@ -36,11 +36,11 @@ from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignment
+from geodesic_ocp.retargeting.paired_arm import MISSED
 from geodesic_ocp.retargeting.place_base import place_base
 from geodesic_ocp.retargeting.result import Retargeting, waist_motion
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.retargeting.waypoints import MISSED
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import text

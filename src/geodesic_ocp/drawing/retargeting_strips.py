@@ -13,7 +13,7 @@ from geodesic_ocp.drawing.arm_strip import StripArm, draw_arm_strip
 from geodesic_ocp.drawing.best_view import best_view
 from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.waypoints import PoseMapping
+from geodesic_ocp.retargeting.paired_arm import PoseMapping
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

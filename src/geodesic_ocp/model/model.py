@@ -218,11 +218,14 @@ class Model:
         return rotation, position if is_symbolic(q) else position[..., 0]
 
     def stacked_poses(self, frames: Sequence[str], q: Any) -> Any:
-        """Return stacked poses of h frames: rotations (3 h, 3) and positions (3 h,) [m].
+        """Return stacked poses of h frames, of the hand if none are given: rotations (3 h, 3) and
+        positions (3 h,) [m].
 
         For k configurations (k, n): rotations (k, 3 h, 3) and positions (k, 3 h).
         """
-        rotations, positions = zip(*(self.frame_pose(frame, q) for frame in frames), strict=True)
+        rotations, positions = zip(
+            *(self.frame_pose(frame, q) for frame in frames or (self.hand,)), strict=True
+        )
         if is_symbolic(q):
             return ca.vertcat(*rotations), ca.vertcat(*positions)
         return np.concatenate(rotations, axis=-2), np.concatenate(positions, axis=-1)

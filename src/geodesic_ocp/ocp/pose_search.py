@@ -306,7 +306,7 @@ class PoseSearch:
         limits: whether the joints stay within their limits.
         bounds: lower and upper (n,) of the search.
         collisions: bodies that are kept apart.
-        hands: names of the hands; empty: the hand of the model.
+        hands: names of the hands.
     """
 
     model: Model
@@ -319,7 +319,7 @@ class PoseSearch:
     limits: bool
     bounds: tuple[Array, Array]
     collisions: CollisionAvoidance
-    hands: tuple[str, ...] = ()
+    hands: tuple[str, ...]
 
     @classmethod
     def checked(
@@ -360,7 +360,7 @@ class PoseSearch:
             limits,
             search_bounds(model, near, limits)[:2],
             collisions or CollisionAvoidance(),
-            hands,
+            hands or (model.hand,),
         )
 
     def starts(self, count: int) -> list[Array]:
@@ -473,14 +473,14 @@ class PoseSearch:
 
 
 @lru_cache(maxsize=32)
-def _pose_errors(model: Model, rows: tuple[int, ...], hands: tuple[str, ...] = ()) -> ca.Function:
+def _pose_errors(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca.Function:
     """Return the pose errors (q, p) -> e; p: near, position, rotation, axes, stay, weights."""
-    n, named = model.dof, hands or (model.hand,)
-    edges = np.cumsum([0, 3 * len(named), 9 * len(named), 9]).tolist()
+    n, count = model.dof, len(hands)
+    edges = np.cumsum([0, 3 * count, 9 * count, 9]).tolist()
     q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + edges[-1] + 1 + len(rows))
     position, rotation, axes = ca.vertsplit(p[n : n + edges[-1]], edges)
     error = stacked_error(
-        model, named, q, position, ca.reshape(rotation, 3 * len(named), 3), ca.reshape(axes, 3, 3)
+        model, hands, q, position, ca.reshape(rotation, 3 * count, 3), ca.reshape(axes, 3, 3)
     )
     return ca.Function("pose_errors", [q, p], [error[list(rows)]])
 
@@ -506,20 +506,18 @@ def stacked_error(
 
 
 @lru_cache(maxsize=32)
-def errors_and_twists(
-    model: Model, rows: tuple[int, ...], hands: tuple[str, ...] = ()
-) -> ca.Function:
+def errors_and_twists(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca.Function:
     """Return pose errors, and how they change with the joints.
 
     The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
     which it approaches as the error vanishes, and which changes its length in the same way.
     """
-    function, named = _pose_errors(model, rows, hands), hands or (model.hand,)
+    function = _pose_errors(model, rows, hands)
     q, p = (ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate("qp"))
-    first = model.dof + 12 * len(named)
+    first = model.dof + 12 * len(hands)
     axes, twists = ca.reshape(p[first : first + 9], 3, 3), []
-    jacobians = ca.vertsplit(model.stacked_jacobians(named, q), 6)
-    for hand, jacobian in zip(named, jacobians, strict=True):
+    jacobians = ca.vertsplit(model.stacked_jacobians(hands, q), 6)
+    for hand, jacobian in zip(hands, jacobians, strict=True):
         rotation, _ = model.frame_pose(hand, q)
         twists += [axes.T @ jacobian[:3, :], rotation.T @ jacobian[3:, :]]
     outputs = ca.cse([function(q, p), ca.densify(ca.vertcat(*twists)[list(rows), :])])

@@ -70,8 +70,11 @@ class PathSamples:
         """Return parameters s (k,), and the largest violation of any path constraint at each (k,);
         roughly: without the maxima between the samples.
         """
-        s = sample_parameters(path)
-        s, values = (s, self._values(path, s)) if roughly else self._of_last(path)
+        if roughly:
+            s = sample_parameters(path)
+            values = self._values(path, s)
+        else:
+            s, values = self._of_last(path)
         return s, excess_over_bounds(self, values).max(axis=0, initial=0.0)
 
     def _sampled(self, path: Path) -> tuple[Array, Array]:

@@ -22,8 +22,7 @@ from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.retargeting.candidates import Candidates
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
-from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
-from geodesic_ocp.retargeting.waypoints import (
+from geodesic_ocp.retargeting.paired_arm import (
     MISSED,
     REACHED,
     PairedArm,
@@ -33,6 +32,7 @@ from geodesic_ocp.retargeting.waypoints import (
     has_elbow,
     nearest_configurations,
 )
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.grid import Grid

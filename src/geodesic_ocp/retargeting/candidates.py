@@ -19,15 +19,14 @@ from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
 from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
-from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.retargeting.waypoints import (
+from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
-    ArmWaypoints,
-    ObjectiveWeights,
     middle_of_ranges,
     nearest_configurations,
     upright,
 )
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 
 _STARTS = 96  # of the search at each waypoint
 _CARRIED = 32  # more, the configurations found at the waypoint before

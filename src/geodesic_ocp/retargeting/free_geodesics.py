@@ -18,14 +18,14 @@ from geodesic_ocp.ocp.problems import Reach
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.retargeting.arm_result import PoseErrors, Transfer, at_rest, line
-from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.retargeting.waypoints import (
+from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
     PairedArm,
     Pose,
     middle_of_ranges,
     nearest_configurations,
 )
+from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 

@@ -29,8 +29,8 @@ from geodesic_ocp.execution.track_within_limits import Tracker
 from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
+from geodesic_ocp.retargeting.paired_arm import PoseMapping, gravity_on
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.retargeting.waypoints import PoseMapping, gravity_on
 from geodesic_ocp.synergies.segment import OnlineSegmentation
 
 # Samples of the parabolas: for the hand, and for the synergies as Klein et al. 2022 filter them.

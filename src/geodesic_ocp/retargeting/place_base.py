@@ -22,19 +22,17 @@ from geodesic_ocp.retargeting.candidates import (
     graph_weights,
     own_lacks,
 )
-from geodesic_ocp.retargeting.reachability import NearestPoses, nearest_of_each, random_starts
-from geodesic_ocp.retargeting.retarget import paired_arms
-from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
-from geodesic_ocp.retargeting.waypoints import (
-    ArmWaypoints,
-    ObjectiveWeights,
+from geodesic_ocp.retargeting.paired_arm import (
     PairedArm,
     PoseMapping,
-    arm_waypoints,
     elbow_offset,
     has_elbow,
     middle_of_ranges,
 )
+from geodesic_ocp.retargeting.reachability import NearestPoses, nearest_of_each, random_starts
+from geodesic_ocp.retargeting.retarget import paired_arms
+from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, arm_waypoints
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()

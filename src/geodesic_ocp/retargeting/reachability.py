@@ -17,7 +17,7 @@ from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import errors_and_twists, pose_steps, search_bounds
 from geodesic_ocp.retargeting.arm_alignment import Alignment
-from geodesic_ocp.retargeting.waypoints import PairedArm
+from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def _errors(robot: Model, rows: tuple[int, ...], q: Array, poses: Array) -> tupl
 
 @lru_cache(maxsize=64)
 def _mapped(robot: Model, rows: tuple[int, ...]) -> ca.Function:
-    return errors_and_twists(robot, rows).map(_WIDTH)
+    return errors_and_twists(robot, rows, (robot.hand,)).map(_WIDTH)
 
 
 _WITHIN = 1e-4  # [m] and [rad]

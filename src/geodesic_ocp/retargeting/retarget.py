@@ -38,6 +38,7 @@ from geodesic_ocp.retargeting.candidates import (
 )
 from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
 from geodesic_ocp.retargeting.merge_synergies import merge_synergies
+from geodesic_ocp.retargeting.paired_arm import PairedArm, PoseMapping, start_of
 from geodesic_ocp.retargeting.reachability import reachability, scaled_to_fit
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
@@ -47,13 +48,7 @@ from geodesic_ocp.retargeting.settings import (
     of_trajectory,
 )
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
-from geodesic_ocp.retargeting.waypoints import (
-    ArmWaypoints,
-    PairedArm,
-    PoseMapping,
-    arm_waypoints,
-    start_of,
-)
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, arm_waypoints
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
