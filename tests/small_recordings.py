@@ -99,7 +99,8 @@ def bvh() -> str:
         channels = "3 Zrotation Xrotation Yrotation"
         if depth == 0:
             channels = "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
-        inner = [f"OFFSET {' '.join(map(str, offset))}", f"CHANNELS {channels}"]
+        turned = " 10 0 -20" if name == "RightHand" else ""  # in the rest pose, as SOMA has it
+        inner = [f"OFFSET {' '.join(map(str, offset))}{turned}", f"CHANNELS {channels}"]
         for child in children:
             inner += joint(child, depth + 1)
         if not children:
