@@ -241,12 +241,13 @@ def test_six_numbers_of_an_offset_state_the_rest_pose(tmp_path: Path) -> None:
     """The SOMA skeleton's joints have axes of their own; offsets end in angles about x, y, z."""
     motion = smooth_motion(12)
     written, joints, roots = in_files(motion, CM)
-    random = Rotation.random(len(TREE), random_state=np.random.default_rng(12)).as_matrix()
-    turned = dict(zip(NAMES, random, strict=True))
+    frames = Rotation.random(len(TREE), random_state=np.random.default_rng(12)).as_matrix()
+    turned = dict(zip(NAMES, frames, strict=True))
     file = write_bvh(tmp_path / "a.bvh", joints, roots, 50.0, dict.fromkeys(NAMES, "ZYX"), turned)
     lines = file.read_text().splitlines()
-    for name, resting in local_rotations({name: turn[None] for name, turn in turned.items()}).items():
-        angles = Rotation.from_matrix(resting[0]).as_euler("ZYX", degrees=True)[::-1]
+    resting = local_rotations(dict(zip(NAMES, frames[:, None], strict=True)))
+    for name, rotations in resting.items():
+        angles = Rotation.from_matrix(rotations[0]).as_euler("ZYX", degrees=True)[::-1]
         at = next(i for i, line in enumerate(lines) if line.split()[1:] == [name]) + 2
         lines[at] += "".join(f" {angle:.12g}" for angle in angles)
     file.write_text("\n".join(lines))
