@@ -74,6 +74,49 @@ time,RSHO_x,RSHO_y,RSHO_z,RELB_x,RELB_y,RELB_z
 0.01,101,201,1401,,,
 0.02,102,202,1402,122,212,1102
 """
+VICON = """Devices
+1000
+,,Anna:Force,,
+Frame,Sub Frame,Fx,Fy,Fz
+,,N,N,N
+1,0,0.1,0.2,700
+1,1,0.1,0.2,700
+
+Trajectories
+100
+,,Anna:RSHO,,,Anna:RELB,,,*3,,
+Frame,Sub Frame,X,Y,Z,X,Y,Z,X,Y,Z
+,,mm,mm,mm,mm,mm,mm,mm,mm,mm
+1,0,100,200,1400,120,210,1100,1,2,3
+2,0,101,201,1401,,,,1,2,3
+3,0,102,202,1402,122,212,1102,,,
+"""
+QUALISYS = """NO_OF_FRAMES\t3
+NO_OF_CAMERAS\t8
+NO_OF_MARKERS\t2
+FREQUENCY\t100
+NO_OF_ANALOG\t0
+ANALOG_FREQUENCY\t0
+DESCRIPTION\t--
+TIME_STAMP\t2020-01-31, 12:00:00.000\t1234.5
+EVENT\tstart\t1\t0.01
+DATA_INCLUDED\t3D
+MARKER_NAMES\tRSHO\tRELB
+TRAJECTORY_TYPES\tMeasured\tMixed
+Frame\tTime\tRSHO X\tRSHO Y\tRSHO Z\tRELB X\tRELB Y\tRELB Z
+1\t0.00000\t100.0\t200.0\t1400.0\t120.0\t210.0\t1100.0
+2\t0.01000\t101.0\t201.0\t1401.0\t\t\t
+3\t0.02000\t102.0\t202.0\t1402.0\t122.0\t212.0\t1102.0
+"""
+BIDS = {
+    "sub-01_motion.tsv": "0.1\t10\t0\n0.2\t11\tn/a\n0.3\t12\t0\n",
+    "sub-01_motion.json": '{"SamplingFrequency": 100, "TaskName": "reach"}\n',
+    "sub-01_channels.tsv": """name\tcomponent\ttype\ttracked_point\tunits
+BPx_joint\tx\tJNTANG\ttrunk\trad
+BPz_joint\tz\tJNTANG\ttrunk\tdeg
+speed\tx\tVEL\ttrunk\tm/s
+""",
+}
 # A joint or bone, the one before it, its offset in the T pose (x to the left, y up), its AMC name.
 _BODY = (
     ("Hips", "", (0.0, 0.0, 0.0), "root"),
@@ -223,7 +266,7 @@ def small_c3d() -> bytes:
 
 
 def small_recordings() -> dict[str, bytes]:
-    """A valid file by its name; motion.amc belongs to motion.asf."""
+    """A valid file by its name; motion.asf and the files sub-01 belong to one recording each."""
     texts = {
         "legacy.xml": LEGACY_MMM,
         "two.xml": MMM_2,
@@ -234,6 +277,9 @@ def small_recordings() -> dict[str, bytes]:
         "motion.amc": amc(),
         "markers.trc": TRC,
         "markers.csv": MARKER_TABLE,
+        "markers_vicon.csv": VICON,
+        "markers_qualisys.tsv": QUALISYS,
+        **BIDS,
     }
     return {name: text.encode() for name, text in texts.items()} | {
         "motion.npz": smpl(),

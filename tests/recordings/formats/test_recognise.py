@@ -26,6 +26,8 @@ FORMATS = {
     "markers.trc": "trc",
     "markers.csv": "marker table",
     "markers.c3d": "c3d",
+    "markers_vicon.csv": "vicon",
+    "markers_qualisys.tsv": "qualisys",
 }
 
 

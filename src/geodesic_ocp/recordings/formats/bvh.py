@@ -225,7 +225,8 @@ def _skeleton_motion(hierarchy: BvhHierarchy, period: float, values: Array) -> S
         axes, columns = joints[index].columns("position")
         positions: Array = np.tile(given[index], (len(values), 1))
         positions[:, ["xyz".index(axis) for axis in axes]] = values[:, columns]
-        return positions @ rest[joints[index].parent].T
+        parallel: Array = positions @ rest[joints[index].parent].T
+        return parallel
 
     hinges = {
         index: rest[index][:, "xyz".index(axes)]
@@ -245,7 +246,8 @@ def _resting(joint: BvhJoint) -> Array:
     if not axes or not angles:
         return np.eye(3)
     turned = np.radians([[angles["xyz".index(axis)] for axis in axes]])
-    return successive_rotations(axes, turned)[0]
+    rotation: Array = successive_rotations(axes, turned)[0]
+    return rotation
 
 
 def _motion(lines: list[str], tree: BvhHierarchy) -> tuple[float, Array]:

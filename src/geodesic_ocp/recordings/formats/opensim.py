@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
@@ -42,31 +43,52 @@ def read_opensim(
             names the line or element, or the columns.
     """
     with named_failures(file):
-        chosen = as_convention(convention)
-        if isinstance(chosen, OsimConvention):
-            return _by_model(file, joints, chosen)
-        table = read_coordinates(file, chosen.position if chosen is not None else ())
-        names = table.joint_names
-        ours = [name for name in names if name in JOINTS]
-        if chosen is None and (ours or (joints is not None and set(joints) <= set(names))):
-            return table.select(ours if joints is None else joints)
-        chosen = chosen or _fitting(names)
-        if chosen is not None:
-            columns = dict(zip(names, table.q.T, strict=True))
-            segments = segments_of_angles(chosen, table.time, columns)
-            return _motion(segments, joints, f"convention {chosen.name}")
-        if joints is None:
-            return table
-        raise RecordingError(
-            f"no known convention of joint angles fits its columns {', '.join(names)}; describe "
-            "their rotations by convention= (--convention): the file of the model (.osim) that "
-            "they were computed with, an AngleConvention, or a JSON file of either"
-        )
+        return motion_of_columns(file, partial(read_coordinates, file), joints, convention)
 
 
-def _by_model(file: Path, joints: Sequence[str] | None, convention: OsimConvention) -> Motion:
+def motion_of_columns(
+    file: Path,
+    read: Callable[[Iterable[str]], Motion],
+    joints: Sequence[str] | None,
+    convention: AngleConvention | OsimConvention | str | Path | None,
+) -> Motion:
+    """Return the motion of these joints from the columns of a file, see `read_opensim`.
+
+    Args:
+        file: of the columns, for messages.
+        read: from the names of coordinates in metres to the columns [rad or m].
+        joints, convention: those of `read_opensim`.
+    """
+    chosen = as_convention(convention)
+    if isinstance(chosen, OsimConvention):
+        return _by_model(file, read, joints, chosen)
+    table = read(chosen.position if chosen is not None else ())
+    names = table.joint_names
+    ours = [name for name in names if name in JOINTS]
+    if chosen is None and (ours or (joints is not None and set(joints) <= set(names))):
+        return table.select(ours if joints is None else joints)
+    chosen = chosen or _fitting(names)
+    if chosen is not None:
+        columns = dict(zip(names, table.q.T, strict=True))
+        segments = segments_of_angles(chosen, table.time, columns)
+        return _motion(segments, joints, f"convention {chosen.name}")
+    if joints is None:
+        return table
+    raise RecordingError(
+        f"no known convention of joint angles fits its columns {', '.join(names)}; describe "
+        "their rotations by convention= (--convention): the file of the model (.osim) that "
+        "they were computed with, an AngleConvention, or a JSON file of either"
+    )
+
+
+def _by_model(
+    file: Path,
+    read: Callable[[Iterable[str]], Motion],
+    joints: Sequence[str] | None,
+    convention: OsimConvention,
+) -> Motion:
     model = read_osim(Path(convention.model))
-    table = read_coordinates(file, model.translations)
+    table = read(model.translations)
     names = table.joint_names
     if unclear := [name for name in model.rotations if name in names and is_translation(name)]:
         raise RecordingError(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.laboratory import is_qualisys, is_vicon, motion_bids_kind
 from geodesic_ocp.recordings.units import LENGTHS
 
 _HEAD = 1 << 16  # bytes from which a format is told
@@ -35,7 +36,7 @@ _OTHERS = (
 
 def recognise(file: Path) -> str:
     """Return the format of a file, a key of `FORMATS`, from its first bytes; its suffix does not
-    count.
+    count, but for sub-..._motion.tsv of Motion-BIDS, whose columns are named in another file.
 
     Raises:
         RecordingError: the file is missing or of another format; says what it looks like.
@@ -53,6 +54,8 @@ def recognise(file: Path) -> str:
     others = tuple(magic for magic, _ in _OTHERS if len(magic) > 2)  # some have the same "P"
     if head[1:2] == b"\x50" and b"\0" in head[:512] and not head.startswith(others):
         return "c3d"
+    if re.fullmatch(r"sub-.+_motion\.tsv", file.name):
+        return motion_bids_kind(file)
     lines = [line.strip() for line in _text(head).splitlines() if line.strip()]
     for name, each in FORMATS.items():
         if lines and each.is_format(lines):
@@ -166,6 +169,18 @@ FORMATS: dict[str, Format] = {
     "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit"), _is_bvh),
     "opensim": Format(
         "OpenSim .mot and .sto", "angles", "opensim", "read_opensim", ("convention",), _is_opensim
+    ),
+    "vicon": Format(
+        "CSV of Vicon Nexus", "markers", "laboratory", "read_vicon", _MARKERS, is_vicon
+    ),
+    "qualisys": Format(
+        "Qualisys TSV", "markers", "laboratory", "read_qualisys", _MARKERS, is_qualisys
+    ),
+    "bids angles": Format(
+        "Motion-BIDS", "angles", "laboratory", "read_motion_bids_angles", ("convention",)
+    ),
+    "bids markers": Format(
+        "Motion-BIDS", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
     ),
     "marker table": Format(
         "a table of markers (CSV)",
