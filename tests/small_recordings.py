@@ -155,6 +155,33 @@ def bvh() -> str:
     return "\n".join([*lines, *(" ".join(map(str, row)) for row in rows)]) + "\n"
 
 
+def mvnx() -> str:
+    """The same body in a T pose, about to turn to the left."""
+    names = {"Hips": "Pelvis", "Spine": "L3", "Spine1": "T8", "RightArm": "RightUpperArm"}
+    lines = ['<mvnx version="4">', '<subject label="Anna" frameRate="100">', "<segments>"]
+    lines += [f'<segment label="{names.get(name, name)}"/>' for name, *_ in _BODY]
+    lines += ["</segments>", "<joints>"]
+    places: dict[str, np.ndarray] = {"": np.array([0.0, 0.0, 1.0])}
+    for name, parent, (left, up, forward), _ in _BODY:
+        places[name] = places[parent] + 0.01 * np.array([forward, left, up])
+        ends = (names.get(each, each) for each in (parent, name))
+        if parent:
+            tags = (f"<connector{k}>{end}/j</connector{k}>" for k, end in enumerate(ends, start=1))
+            lines.append(f"<joint>{''.join(tags)}</joint>")
+    lines += ["</joints>", "<frames>"]
+    for frame in range(-1, _FRAMES):
+        angle = 0.1 * max(frame, 0)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        kind = f'index="{frame}" type="normal"' if frame >= 0 else 'index="" type="identity"'
+        quaternion = f"{np.cos(angle / 2):.6f} 0 0 {np.sin(angle / 2):.6f}"
+        positions = [[*(turn @ places[name][:2]), places[name][2]] for name, *_ in _BODY]
+        numbers = " ".join(f"{value:.4f}" for value in np.ravel(positions))
+        lines += [f'<frame time="{10 * max(frame, 0)}" {kind}>']
+        lines += [f"<orientation>{' '.join([quaternion] * len(_BODY))}</orientation>"]
+        lines += [f"<position>{numbers}</position>", "</frame>"]
+    return "\n".join([*lines, "</frames>", "</subject>", "</mvnx>"]) + "\n"
+
+
 def asf() -> str:
     """The skeleton of the same body; every bone points to where the next one begins."""
     lines = [
@@ -273,6 +300,7 @@ def small_recordings() -> dict[str, bytes]:
         "table.csv": TABLE,
         "motion.mot": OPENSIM,
         "motion.bvh": bvh(),
+        "motion.mvnx": mvnx(),
         "motion.asf": asf(),
         "motion.amc": amc(),
         "markers.trc": TRC,

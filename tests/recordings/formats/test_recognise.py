@@ -20,6 +20,7 @@ FORMATS = {
     "table.csv": "table",
     "motion.mot": "opensim",
     "motion.bvh": "bvh",
+    "motion.mvnx": "mvnx",
     "motion.asf": "amc",
     "motion.amc": "amc",
     "motion.npz": "smpl",

@@ -80,6 +80,10 @@ def _is_xml(lines: list[str]) -> bool:
     return lines[0].startswith("<")
 
 
+def _is_mvnx(lines: list[str]) -> bool:
+    return _is_xml(lines) and any(re.search(r"<mvnx\b", line) for line in lines[:20])
+
+
 def _is_trc(lines: list[str]) -> bool:
     return lines[0].lower().startswith("pathfiletype")
 
@@ -163,6 +167,7 @@ _SKELETON = ("convention", "skeleton", "rate", "unit")
 _MARKERS = ("up", "marker_set")
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
+    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),
     "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_xml),
     "trc": Format("TRC", "markers", "delimited", "read_trc", _MARKERS, _is_trc),
     "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _SKELETON, _is_acclaim),
