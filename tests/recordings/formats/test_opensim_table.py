@@ -166,6 +166,30 @@ def test_a_known_convention_gives_the_joints_of_the_model(tmp_path: Path) -> Non
         read_opensim(file, ["RWx_joint"])
 
 
+def test_without_columns_of_the_hand_the_wrist_is_straight(tmp_path: Path) -> None:
+    """OpenCap's models have no wrist; with columns of zeros they would be the same."""
+    names = [
+        f"{name}_{side}"
+        for side in "rl"
+        for name in ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup")
+    ]
+    wrists = ["wrist_flex_r", "wrist_dev_r"]
+    rows = "\n".join(f"{0.1 * i} {'40 ' * len(names)}0 0" for i in range(3))
+    text = "Coordinates\ninDegrees=yes\nendheader\n"
+    labels = " ".join(["time", *names, *wrists])
+    joints = go.human_arm("right").joint_names
+    still = read_opensim(write(tmp_path, f"{text}{labels}\n{rows}\n"), joints)
+    file = write(tmp_path, f"{text}{labels}\n{rows}\n".replace("wrist", "finger"))
+    assert not {"RWx_joint", "LWy_joint"} & set(read_opensim(file).joint_names)
+    with pytest.warns(
+        RuntimeWarning, match=r"x\.mot: no column is of the right hand: the wrist is"
+    ):
+        motion = read_opensim(file, joints)
+    assert np.array_equal(motion.q, still.q)
+    with pytest.warns(RuntimeWarning, match="of the right hand or the left hand"):
+        read_opensim(file, [*joints, *go.human_arm("left").joint_names])
+
+
 def test_an_uncertain_axis_is_refused_with_the_reason(tmp_path: Path) -> None:
     names = ["elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup"]
     file = full_body(tmp_path, [*names, "deviation", "flexion"])
