@@ -232,6 +232,7 @@ def c3d(
     strings: dict[str, list[str]] | None = None,
     frames: int | None = None,
     analog: int = 0,
+    rotations: list[str] | None = None,
 ) -> bytes:
     """A c3d file of points (k, m, 4): coordinates, and the residual's word.
 
@@ -254,7 +255,8 @@ def c3d(
 
     count = len(points) if frames is None else frames
     chain = b""
-    for group, name in enumerate(("POINT", "ANALOG", "TRIAL"), start=1):
+    groups = ["POINT", "ANALOG", "TRIAL", *(["ROTATION"] if rotations else [])]
+    for group, name in enumerate(groups, start=1):
         head = struct.pack(f"{order}bb{len(name)}sHB", len(name), -group, name.encode(), 3, 0)
         chain += head
     for group, name, value in (
@@ -270,10 +272,14 @@ def c3d(
     rates = ((1, "RATE", 100.0), (1, "SCALE", scale), (2, "RATE", 100.0), (2, "GEN_SCALE", 1.0))
     for group, name, amount in rates:
         chain += parameter(group, name, 4, b"", floats(np.array([amount])))
-    for name, given in {"LABELS": labels, "UNITS": [unit], **(strings or {})}.items():
+    texts = {"LABELS": labels, "UNITS": [unit], **(strings or {})}
+    named = [(1, *item) for item in texts.items()] + [(4, "LABELS", rotations or [])][
+        : len(groups) - 3
+    ]
+    for group, name, given in named:
         width = max(map(len, given), default=0)
         text = "".join(each.ljust(width) for each in given).encode("latin-1")
-        chain += parameter(1, name, -1, bytes([width, len(given)]), text)
+        chain += parameter(group, name, -1, bytes([width, len(given)]), text)
     blocks = -(-(len(chain) + 6) // 512)
     section = (bytes([1, 80, blocks, number]) + chain).ljust(512 * blocks, b"\0")
     header = struct.pack(f"{order}5H", points.shape[1], analog, 1, min(count, 65535), 10)

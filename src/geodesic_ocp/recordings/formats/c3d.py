@@ -184,6 +184,7 @@ def _values(
 
 _NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 _SAME_RATE = 0.01
+_SHOWN = 20  # segments in a message
 
 
 def read_c3d(file: Path) -> Markers:
@@ -196,8 +197,10 @@ def read_c3d(file: Path) -> Markers:
         content = file.read_bytes()
         header = read_c3d_header(content)
         if header.points == 0:
-            analog = ", only analog data" if header.analog else ""
-            raise RecordingError(f"has no markers{analog}")
+            only = ", only analog data" if header.analog else ""
+            if segments := header.strings("ROTATION", "LABELS"):
+                only = f", only rotations of {', '.join(segments[:_SHOWN])}, which are not read"
+            raise RecordingError(f"has no markers{only}")
         _check_counts(header, len(content))
         unit = next(iter(header.strings("POINT", "UNITS")), "")
         if unit.lower() not in LENGTHS:
