@@ -273,9 +273,9 @@ def c3d(
     for group, name, amount in rates:
         chain += parameter(group, name, 4, b"", floats(np.array([amount])))
     texts = {"LABELS": labels, "UNITS": [unit], **(strings or {})}
-    named = [(1, *item) for item in texts.items()] + [(4, "LABELS", rotations or [])][
-        : len(groups) - 3
-    ]
+    named = [(1, *item) for item in texts.items()]
+    if rotations:
+        named.append((4, "LABELS", rotations))
     for group, name, given in named:
         width = max(map(len, given), default=0)
         text = "".join(each.ljust(width) for each in given).encode("latin-1")

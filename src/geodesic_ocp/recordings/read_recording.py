@@ -95,7 +95,7 @@ def read_motion(
         if FORMATS[kind].content == "segments":
             return joint_angles(FORMATS[kind].read(file, **given), joints)
         motion: Motion = FORMATS[kind].read(file, joints, **given)
-        if kind != "opensim":  # whose tables state the unit of the angles
+        if kind not in ("opensim", "bids angles"):  # whose columns have their unit stated
             check_radians(motion.joint_names, motion.q)
         return motion
 

@@ -197,6 +197,7 @@ def test_angles_of_motion_bids(tmp_path: Path) -> None:
         ("channels", "speed.*\n", "", "line 1 has 3 entries, 2 are needed"),
         ("channels", "BPz", "BPx", "BPx_joint more than once"),
         ("motion", "^0.2", "n/a", "line 2: BPx_joint is not a number"),
+        ("motion", "^0.2", "20", "BPx_joint .* degrees"),
     ],
 )
 def test_bad_motion_bids(name: str, old: str, new: str, message: str, tmp_path: Path) -> None:

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
@@ -99,27 +97,6 @@ def test_malformed_files_name_the_line(old: str, new: str, message: str, tmp_pat
     with pytest.raises(go.RecordingError, match=message) as raised:
         read_opensim(file)
     assert str(raised.value).startswith(str(file))
-
-
-@given(damage=st.data())
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@pytest.mark.filterwarnings("ignore:.*its header says")
-def test_damaged_files_give_a_motion_or_a_sentence(damage: st.DataObject, tmp_path: Path) -> None:
-    content = bytearray(TABS.encode())
-    if damage.draw(st.booleans()):
-        content = content[: damage.draw(st.integers(0, len(content)))]
-    for _ in range(damage.draw(st.integers(0, 4))):
-        if content:
-            content[damage.draw(st.integers(0, len(content) - 1))] = damage.draw(
-                st.integers(0, 255)
-            )
-    file = tmp_path / "damaged.mot"
-    file.write_bytes(bytes(content))
-    try:
-        motion = read_opensim(file)
-    except (go.RecordingError, UnicodeDecodeError):
-        return
-    assert np.isfinite(motion.q).all()
 
 
 def test_columns_of_no_convention_are_a_motion_of_their_own(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ from geodesic_ocp.recordings.formats.delimited import Rows, _check_names, _compa
 from geodesic_ocp.recordings.formats.opensim import motion_of_columns
 from geodesic_ocp.recordings.formats.text_lines import named_failures, numbers, read_lines
 from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
-from geodesic_ocp.recordings.recording import ask_about_degrees
+from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
 from geodesic_ocp.recordings.units import ANGLES, LENGTHS
 from geodesic_ocp.records import read_structured
 from geodesic_ocp.trajectory.motion import Motion, Subject
@@ -333,6 +333,7 @@ def read_motion_bids_angles(
         scales = np.array([_scale(channels[index], ANGLES) for index in kept])
         angles = rows.at(kept)
         ask_about_degrees(str(file), angles[:, scales != 1.0])
+        check_radians(names, np.where(scales == 1.0, angles, 0.0))
         table = Motion(time, scales * angles, tuple(names))
         motion = motion_of_columns(file, lambda _: table, joints, convention)
         return replace(motion, subject=_person(file))

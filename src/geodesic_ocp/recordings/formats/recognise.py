@@ -76,12 +76,13 @@ def _without_comments(lines: list[str]) -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
-def _is_xml(lines: list[str]) -> bool:
-    return lines[0].startswith("<")
-
-
 def _is_mvnx(lines: list[str]) -> bool:
-    return _is_xml(lines) and any(re.search(r"<mvnx\b", line) for line in lines[:20])
+    return lines[0].startswith("<") and any(re.search(r"<mvnx\b", line) for line in lines[:20])
+
+
+def _is_mmm(lines: list[str]) -> bool:
+    """Return whether it is XML, which is MMM's unless it says otherwise."""
+    return lines[0].startswith("<") and not _is_mvnx(lines)
 
 
 def _is_trc(lines: list[str]) -> bool:
@@ -167,14 +168,14 @@ _SKELETON = ("convention", "skeleton", "rate", "unit")
 _MARKERS = ("up", "marker_set")
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
-    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),
-    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_xml),
+    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_mmm),
     "trc": Format("TRC", "markers", "delimited", "read_trc", _MARKERS, _is_trc),
     "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _SKELETON, _is_acclaim),
     "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit"), _is_bvh),
     "opensim": Format(
         "OpenSim .mot and .sto", "angles", "opensim", "read_opensim", ("convention",), _is_opensim
     ),
+    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),
     "vicon": Format(
         "CSV of Vicon Nexus", "markers", "laboratory", "read_vicon", _MARKERS, is_vicon
     ),
@@ -182,10 +183,10 @@ FORMATS: dict[str, Format] = {
         "Qualisys TSV", "markers", "laboratory", "read_qualisys", _MARKERS, is_qualisys
     ),
     "bids angles": Format(
-        "Motion-BIDS", "angles", "laboratory", "read_motion_bids_angles", ("convention",)
+        "Motion-BIDS (JNTANG)", "angles", "laboratory", "read_motion_bids_angles", ("convention",)
     ),
     "bids markers": Format(
-        "Motion-BIDS", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
+        "Motion-BIDS (POS)", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
     ),
     "marker table": Format(
         "a table of markers (CSV)",
