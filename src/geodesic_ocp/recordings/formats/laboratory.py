@@ -106,7 +106,8 @@ def read_vicon(file: Path) -> Markers:
                 f"line {start + 4} must begin with Frame, Sub Frame, is {','.join(axes)[:60]!r}"
             )
         columns = _vicon_columns(start + 3, labels, axes)
-        given = {units[k] if k < len(units) else "" for k in list(chain(*columns.values()))}
+        indices = list(chain(*columns.values()))
+        given = {units[k] if k < len(units) else "" for k in indices}
         unit = given.pop() if len(given) == 1 else ", ".join(sorted(given))
         if unit not in LENGTHS:
             raise RecordingError(f"line {start + 5} must give the unit m, cm or mm, not {unit!r}")
@@ -116,7 +117,7 @@ def read_vicon(file: Path) -> Markers:
             lines = [line.replace(",", ".") for line in lines]
         rows = _rows(lines[:end], start + 5, axes, separator)
         frames = rows.at([0])[:, 0]
-        cells = rows.at(list(chain(*columns.values())), missing=True)
+        cells = rows.at(indices, missing=True)
         positions = LENGTHS[unit] * cells.reshape(len(cells), -1, 3)
         return _markers(rows, _time(frames, rate), list(columns), positions)
 
@@ -168,8 +169,8 @@ def read_qualisys(file: Path) -> Markers:
 
     Raises:
         RecordingError: the header lacks FREQUENCY or MARKER_NAMES, as that of rigid bodies does,
-            a row has another length or an entry that that is not a number; the message names
-            the line.
+            a row has another length or an entry that is not a number; the message names the
+            line.
     """
     with named_failures(file):
         lines = read_lines(file)
