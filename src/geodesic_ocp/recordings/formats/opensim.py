@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
@@ -14,6 +15,7 @@ from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention, 
 from geodesic_ocp.recordings.conventions.osim_file import read_osim
 from geodesic_ocp.recordings.conventions.read_convention import as_convention
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.formats.angle_tables import mapped
 from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import Motion
@@ -23,6 +25,7 @@ def read_opensim(
     file: Path,
     joints: Sequence[str] | None = None,
     convention: AngleConvention | OsimConvention | str | Path | None = None,
+    columns: Any = None,
 ) -> Motion:
     """Read the motion of these joints from a .mot or .sto file.
 
@@ -36,12 +39,15 @@ def read_opensim(
         joints: names, in the order of the result.
         convention: the model's file or an OsimConvention; or an AngleConvention, the name of a
             built-in one, or a JSON file of either.
+        columns: which columns are which joints, instead of a convention, see `as_columns`.
 
     Raises:
         RecordingError: the file or the model is malformed, or the columns do not give the joints;
             names the line or element, or the columns.
     """
     with named_failures(file):
+        if columns is not None:
+            return mapped(read_coordinates(file), columns, joints)
         chosen = as_convention(convention)
         if isinstance(chosen, OsimConvention):
             return _by_model(file, joints, chosen)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.text_lines import is_time
 from geodesic_ocp.recordings.units import LENGTHS
 
 _HEAD = 1 << 16  # bytes from which a format is told
@@ -108,7 +109,7 @@ def _notes(lines: list[str]) -> list[re.Match[str]]:
 
 
 def _is_table(lines: list[str]) -> bool:
-    return bool(_notes(lines)) or "time" in _columns(lines)
+    return bool(_notes(lines)) or any(map(is_time, _columns(lines)))
 
 
 def _is_marker_table(lines: list[str]) -> bool:
@@ -156,16 +157,22 @@ class Format:
         return getattr(module, self.function)(file, *args, **kwargs)
 
 
-_SKELETON = ("convention", "skeleton", "rate", "unit")
+_SKELETON = ("convention", "skeleton", "rate", "unit", "up")
 _MARKERS = ("up", "marker_set")
+_TABLE = ("columns", "fill", "part")
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
     "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_xml),
     "trc": Format("TRC", "markers", "delimited", "read_trc", _MARKERS, _is_trc),
     "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _SKELETON, _is_acclaim),
-    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit"), _is_bvh),
+    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit", "up"), _is_bvh),
     "opensim": Format(
-        "OpenSim .mot and .sto", "angles", "opensim", "read_opensim", ("convention",), _is_opensim
+        "OpenSim .mot and .sto",
+        "angles",
+        "opensim",
+        "read_opensim",
+        ("convention", "columns"),
+        _is_opensim,
     ),
     "marker table": Format(
         "a table of markers (CSV)",
@@ -175,9 +182,9 @@ FORMATS: dict[str, Format] = {
         _MARKERS,
         _is_marker_table,
     ),
-    "table": Format("a table (CSV)", "angles", "delimited", "read_table", (), _is_table),
+    "table": Format("a table (CSV)", "angles", "angle_tables", "read_table", _TABLE, _is_table),
     "c3d": Format("c3d", "markers", "c3d", "read_c3d", _MARKERS),
-    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention",)),
+    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up")),
 }
 
 
