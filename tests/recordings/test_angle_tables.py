@@ -122,10 +122,10 @@ def test_short_gaps_are_bridged_on_request(tmp_path: Path) -> None:
 
 
 def test_long_gaps_divide_a_recording(tmp_path: Path) -> None:
-    names = go.human_arm().joint_names
-    q = np.tile(Q[:, :1], 7)
+    arm = go.human_arm()
+    q = (arm.lower + arm.upper) / 2.0 + 0.2 * Q[:, :1]
     q[(TIME > 1.2) & (TIME < 1.8), 3] = np.nan
-    file = write(tmp_path, table(("time", *names), [TIME, *q.T]))
+    file = write(tmp_path, table(("time", *arm.joint_names), [TIME, *q.T]))
     with pytest.raises(Gaps, match=r"0\.00 to 1\.20 s, 1\.80 to 3\.00 s") as gaps:
         go.read_recording(file, fill=0.1)
     assert np.ravel(gaps.value.parts) == pytest.approx([0.0, 1.2, 1.8, 3.0])
