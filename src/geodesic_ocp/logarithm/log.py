@@ -14,6 +14,8 @@ including those that are not minimal.
 from __future__ import annotations
 
 import os
+import re
+import warnings
 from contextlib import suppress
 from functools import partial
 from itertools import product
@@ -34,6 +36,7 @@ from geodesic_ocp.logarithm.by_newton import (
 )
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.metric import Metric, as_metric, in_threads, over_rows
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -60,6 +63,7 @@ _ROUNDING = 4.0 * np.finfo(float).eps
 _MAX_STEPS = 100
 _SMALLEST_STEP = 1e-3
 _BLOCK = 64  # pairs whose geodesics are found at once
+_AT_ONCE = 1024  # pairs of a matrix between two reports of progress
 
 
 def _logs(
@@ -70,8 +74,10 @@ def _logs(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    throw: bool = True,
 ) -> dict[int, Array]:
     """Return velocities of `log` of those rows for which all at once find them."""
+    del throw
     if num_starts != 1 or seed != 0 or as_solver(solver) == "ipopt":
         return {}
     ends = [np.asarray(each) for each in (q0, q1)]
@@ -112,6 +118,7 @@ def log(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    throw: bool = True,
 ) -> Array:
     """Return Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
 
@@ -124,7 +131,8 @@ def log(
     The end point Exp_q0(v0) equals q1 to 1e-9 in every coordinate, with more than one start up to
     whole periods of the metric's coordinates. For k points (k, n) at either end or both: k
     velocities (k, n), found all at once where the system's compiler is GCC, in half the time; they
-    are those of single calls to 1e-10.
+    are those of single calls to 1e-10. With `throw=False` those that are not found are NaN, and a
+    warning names their rows.
 
     `solver` is "newton", which takes milliseconds, or "ipopt", the reference; None takes the
     environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete energy.
@@ -144,29 +152,90 @@ def log(
             along which the metric is not defined.
         NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
     """
+    del throw  # of `over_rows`
     return find_shortest(metric, q0, q1, num_starts, seed, solver).velocity
 
 
+@shows_progress
 def distance(
     metric: Metric,
     q0: ArrayLike,
-    q1: ArrayLike,
+    q1: ArrayLike | None = None,
     *,
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    throw: bool = True,
+    progress: Progress | None = None,
 ) -> Any:
     """Return length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,).
+
+    Without `q1`, the symmetric matrix (k, k) of the distances between k points `q0` (k, n).
 
     >>> import geodesic_ocp as go
     >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
     5.0
+    >>> go.distance(go.Euclidean(2), [[0.0, 0.0], [3.0, 4.0], [0.0, 1.0]]).round(2)
+    array([[0.  , 5.  , 1.  ],
+           [5.  , 0.  , 4.24],
+           [1.  , 4.24, 0.  ]])
+
+    Args:
+        metric: metric of the manifold.
+        q0, q1: points (n,), or k points (k, n).
+        num_starts, seed, solver, throw: see `log`; with `throw=False` distances that are not found
+            are NaN.
+        progress: of a matrix, called with what is done, the number of pairs, and the total.
+
+    Raises:
+        ValueError: as `log`; or without `q1`, not several points.
+        NotConverged: as `log`.
     """
-    velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
-    if velocity.ndim == 1:
-        return float(metric.norm(q0, velocity))
+    given: dict[str, Any] = {"num_starts": num_starts, "seed": seed, "solver": solver}
+    given["throw"] = throw
+    if q1 is None:
+        return _distances(metric, real_array(q0, "q0"), given, progress or no_progress)
+    velocity = log(metric, q0, q1, **given)
     points = np.broadcast_to(np.asarray(q0, dtype=float), velocity.shape)
-    return np.array([metric.norm(*each) for each in zip(points, velocity, strict=True)])
+    found = np.atleast_2d(points), np.atleast_2d(velocity)
+    known = np.isfinite(found[1]).all(axis=1)
+    lengths = np.full(known.size, np.nan)
+    lengths[known] = [metric.norm(*each) for each in zip(*(a[known] for a in found), strict=True)]
+    return float(lengths[0]) if velocity.ndim == 1 else lengths
+
+
+def _distances(metric: Metric, points: Array, given: dict[str, Any], progress: Progress) -> Array:
+    """Return the symmetric matrix of distances between points (k, n)."""
+    if points.ndim != 2 or len(points) < 2:
+        raise ValueError(f"without q1, q0 must be several points (k, n), got {points.shape}")
+    rows, columns = np.triu_indices(len(points), 1)
+    result = np.zeros((len(points), len(points)))
+    failures: list[str] = []
+    for first in range(0, rows.size, _AT_ONCE):
+        row, column = (each[first : first + _AT_ONCE] for each in (rows, columns))
+        try:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                lengths = distance(metric, points[row], points[column], **given)
+        except (NotConverged, ValueError) as failure:
+            pair = re.match(r"row (\d+): ", str(failure))
+            if pair is not None:
+                at, rest = int(pair[1]), str(failure)[pair.end() :]
+                failure.args = (f"points {row[at]} and {column[at]}: {rest}",)
+            raise
+        failures += [str(each.message) for each in caught]
+        result[row, column] = result[column, row] = lengths
+        progress("distances", min(first + _AT_ONCE, rows.size), rows.size)
+    if (unknown := np.isnan(result[rows, columns])).any():
+        pairs = zip(rows[unknown].tolist(), columns[unknown].tolist(), strict=True)
+        shown = ", ".join(map(str, list(pairs)[:10])) + ", ..." * (int(unknown.sum()) > 10)
+        warnings.warn(
+            f"{int(unknown.sum())} of {rows.size} distances are nan, of points {shown}; "
+            f"{failures[0]}",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+    return result
 
 
 def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
