@@ -110,6 +110,11 @@ class Metric(MetricFunctions):
     # Period of every coordinate, such as 2 pi for an angle; inf if it is not periodic.
     periods: tuple[float, ...] | None = None
 
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the coordinates: those of the joints, or q[0], q[1] and so on."""
+        return self.joint_names or tuple(f"q[{index}]" for index in range(self.dim))
+
     def __repr__(self) -> str:
         return f"{type(self).__name__}(dim={self.dim})"
 
@@ -195,7 +200,7 @@ class Metric(MetricFunctions):
             return ""
         components = np.abs(vectors[:, 0])
         moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
-        names = self.joint_names or [f"q[{index}]" for index in range(self.dim)]
+        names = self.coordinate_names
         return (
             f"the metric is nearly singular at {q}, where {' and '.join(names[k] for k in moved)} "
             "are linearly dependent (kinematic singularity)"
