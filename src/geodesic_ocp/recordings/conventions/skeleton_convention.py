@@ -219,8 +219,13 @@ def as_skeleton_convention(
         {"name": "mine", "up": "+z", "forward": "+y",
          "joints": {"thorax": "Torso", "right upper arm": ["RUpper", "RArm"]}}
 
+    With "extends", the attributes of a known convention are those that the file leaves out:
+
+        {"extends": "SMPL", "space_up": "+y"}
+
     Raises:
         RecordingError: the file is missing or malformed, or its keys or values are others.
         ValueError: the argument is neither a convention nor a path.
     """
-    return as_stated(SkeletonConvention, given, "convention", "a convention")
+    known = SKELETON_CONVENTIONS
+    return as_stated(SkeletonConvention, given, "convention", "a convention", known)

@@ -177,6 +177,7 @@ def read_bvh(
     file: Path,
     convention: SkeletonConvention | str | Path | None = None,
     unit: str | float | None = None,
+    up: str | None = None,
 ) -> SegmentOrientations:
     """Read the orientations of segments, and with the unit of length the pose of the trunk.
 
@@ -190,6 +191,7 @@ def read_bvh(
         convention: which joints carry which segments; the known one that fits best by default.
         unit: unit of lengths, "m", "cm", "mm", "in" or metres; the format has none, and without it
             there is no pose of the trunk.
+        up: vertical axis of the space, such as "y"; by default that of the rest pose.
 
     Raises:
         RecordingError: the hierarchy is malformed, there are more or fewer frames than stated, or
@@ -203,7 +205,8 @@ def read_bvh(
         period, values = _motion(lines, hierarchy)
         if metres is not None:
             _check_positions(hierarchy, values)
-        return skeleton_segments(_skeleton_motion(hierarchy, period, values), chosen, metres)
+        motion = _skeleton_motion(hierarchy, period, values)
+        return skeleton_segments(motion, chosen, metres, up=up)
 
 
 def _skeleton_motion(hierarchy: BvhHierarchy, period: float, values: Array) -> SkeletonMotion:

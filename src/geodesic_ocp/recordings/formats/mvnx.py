@@ -1,7 +1,7 @@
 """MVNX of Xsens MVN: the orientations and positions of a person's segments, in XML.
 
 The frames of type "normal" are the motion: for every segment a unit quaternion (w, x, y, z), which
-turns its axes into those of the space (z up), and the position of its origin, the joint before it
+turns its axes into those of the space, and the position of its origin, the joint before it
 [m]; without positions there is no pose of the trunk. The T pose, from which orientations are
 counted, is the frame of type "identity" or "tpose". Joint angles, sensors, fingers and props are
 not read.
@@ -88,7 +88,7 @@ def read_mvnx(
         person = Subject(name=subject.get("label", ""))
         chosen = as_skeleton_convention(convention)
         metres = 1.0 if has_places else None
-        return skeleton_segments(motion, chosen, metres, person, space_up="+z")
+        return skeleton_segments(motion, chosen, metres, person)
 
 
 def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention, 
 from geodesic_ocp.recordings.conventions.osim_file import read_osim
 from geodesic_ocp.recordings.conventions.read_convention import as_convention
 from geodesic_ocp.recordings.conventions.segment_orientations import SIDES, SegmentOrientations
+from geodesic_ocp.recordings.formats.angle_tables import mapped
 from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import Motion
@@ -30,6 +32,7 @@ def read_opensim(
     file: Path,
     joints: Sequence[str] | None = None,
     convention: AngleConvention | OsimConvention | str | Path | None = None,
+    columns: Any = None,
 ) -> Motion:
     """Read the motion of these joints from a .mot or .sto file.
 
@@ -44,13 +47,14 @@ def read_opensim(
         joints: names, in the order of the result.
         convention: the model's file or an OsimConvention; or an AngleConvention, the name of a
             built-in one, or a JSON file of either.
+        columns: which columns are which joints, instead of a convention, see `as_columns`.
 
     Raises:
         RecordingError: the file or the model is malformed, or the columns do not give the joints;
             names the line or element, or the columns.
     """
     with named_failures(file):
-        return motion_of_columns(file, partial(read_coordinates, file), joints, convention)
+        return motion_of_columns(file, partial(read_coordinates, file), joints, convention, columns)
 
 
 def motion_of_columns(
@@ -58,14 +62,17 @@ def motion_of_columns(
     read: Callable[[Iterable[str]], Motion],
     joints: Sequence[str] | None,
     convention: AngleConvention | OsimConvention | str | Path | None,
+    columns: Any = None,
 ) -> Motion:
     """Return the motion of these joints from the columns of a file, see `read_opensim`.
 
     Args:
         file: of the columns, for messages.
         read: from the names of coordinates in metres to the columns [rad or m].
-        joints, convention: those of `read_opensim`.
+        joints, convention, columns: those of `read_opensim`.
     """
+    if columns is not None:
+        return mapped(read(()), columns, joints)
     chosen = as_convention(convention)
     if isinstance(chosen, OsimConvention):
         return _by_model(file, read, joints, chosen)
@@ -76,10 +83,10 @@ def motion_of_columns(
         return table.select(ours if joints is None else joints)
     chosen = chosen or _fitting(names)
     if chosen is not None:
-        columns = dict(zip(names, table.q.T, strict=True))
+        angles = dict(zip(names, table.q.T, strict=True))
         straight = _unsaid_of_wrists(chosen, names, joints)
-        columns |= {name: np.zeros(len(table)) for each in straight for name in each.columns}
-        segments = segments_of_angles(chosen, table.time, columns)
+        angles |= {name: np.zeros(len(table)) for each in straight for name in each.columns}
+        segments = segments_of_angles(chosen, table.time, angles)
         if hands := [each.segment for each in straight if each.segment in segments.rotations]:
             warnings.warn(
                 f"{file}: no column is of the {' or the '.join(hands)}: the wrist is taken as "

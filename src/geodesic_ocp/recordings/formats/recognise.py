@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.laboratory import is_qualisys, is_vicon, motion_bids_kind
+from geodesic_ocp.recordings.formats.text_lines import is_time
 from geodesic_ocp.recordings.units import LENGTHS
 
 _HEAD = 1 << 16  # bytes from which a format is told
@@ -116,7 +117,7 @@ def _notes(lines: list[str]) -> list[re.Match[str]]:
 
 
 def _is_table(lines: list[str]) -> bool:
-    return bool(_notes(lines)) or "time" in _columns(lines)
+    return bool(_notes(lines)) or any(map(is_time, _columns(lines)))
 
 
 def _is_marker_table(lines: list[str]) -> bool:
@@ -164,16 +165,22 @@ class Format:
         return getattr(module, self.function)(file, *args, **kwargs)
 
 
-_SKELETON = ("convention", "skeleton", "rate", "unit")
+_SKELETON = ("convention", "skeleton", "rate", "unit", "up")
 _MARKERS = ("up", "marker_set")
+_TABLE = ("columns", "fill", "part")
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
     "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_mmm),
     "trc": Format("TRC", "markers", "delimited", "read_trc", _MARKERS, _is_trc),
     "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _SKELETON, _is_acclaim),
-    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit"), _is_bvh),
+    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit", "up"), _is_bvh),
     "opensim": Format(
-        "OpenSim .mot and .sto", "angles", "opensim", "read_opensim", ("convention",), _is_opensim
+        "OpenSim .mot and .sto",
+        "angles",
+        "opensim",
+        "read_opensim",
+        ("convention", "columns"),
+        _is_opensim,
     ),
     "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),
     "vicon": Format(
@@ -183,7 +190,11 @@ FORMATS: dict[str, Format] = {
         "Qualisys TSV", "markers", "laboratory", "read_qualisys", _MARKERS, is_qualisys
     ),
     "bids angles": Format(
-        "Motion-BIDS (JNTANG)", "angles", "laboratory", "read_motion_bids_angles", ("convention",)
+        "Motion-BIDS (JNTANG)",
+        "angles",
+        "laboratory",
+        "read_motion_bids_angles",
+        ("convention", *_TABLE),
     ),
     "bids markers": Format(
         "Motion-BIDS (POS)", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
@@ -196,9 +207,9 @@ FORMATS: dict[str, Format] = {
         _MARKERS,
         _is_marker_table,
     ),
-    "table": Format("a table (CSV)", "angles", "delimited", "read_table", (), _is_table),
+    "table": Format("a table (CSV)", "angles", "angle_tables", "read_table", _TABLE, _is_table),
     "c3d": Format("c3d", "markers", "c3d", "read_c3d", _MARKERS),
-    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention",)),
+    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up")),
 }
 
 
