@@ -55,10 +55,11 @@ def read_motion(
 ) -> Motion:
     """Read a recorded motion from a file, whose format its content tells, not its suffix.
 
-    The formats are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH,
-    OpenSim's .mot and .sto, and .npz as in AMASS. The angles of the first two are those in the
-    file, as are those of OpenSim files in no known convention; others are converted through the
-    orientations of the segments to the joints of `human_arm` and of the trunk.
+    The formats are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH, Xsens
+    MVNX, OpenSim's .mot and .sto, joint angles in Motion-BIDS, and .npz as in AMASS. The angles of
+    the first two are those in the file, as are those of OpenSim and Motion-BIDS in no known
+    convention; others are converted through the orientations of the segments to the joints of
+    `human_arm` and of the trunk.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -105,7 +106,7 @@ def read_motion(
         if FORMATS[kind].content == "segments":
             return joint_angles(FORMATS[kind].read(file, **given), joints)
         motion: Motion = FORMATS[kind].read(file, joints, **given)
-        if kind != "opensim":  # whose tables state the unit of the angles
+        if kind not in ("opensim", "bids angles"):  # whose columns have their unit stated
             check_radians(motion.joint_names, motion.q)
         return motion
 

@@ -26,7 +26,9 @@ from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion
 
 #: Ends of the names of recordings, by which a folder is searched.
-SUFFIXES = (".xml", ".csv", ".amc", ".bvh", ".mot", ".sto", ".trc", ".c3d", ".npz")
+SUFFIXES = (".xml", ".csv", ".amc", ".bvh", ".mot", ".sto", ".trc", ".c3d", ".npz", ".mvnx", ".tsv")
+# Tables of Motion-BIDS that lie beside those of recordings.
+_TABLES = ("participants", "_channels", "_events", "_scans", "_sessions")
 
 # What lies together in a folder of results: of many recordings, of one, and of a study.
 _RESULTS = (
@@ -85,6 +87,7 @@ def _in_folder(folder: Path, recursive: bool) -> list[Path]:
         each
         for each in (folder.rglob("*") if recursive else folder.iterdir())
         if each.suffix.lower() in SUFFIXES
+        and not (each.suffix.lower() == ".tsv" and each.stem.endswith(_TABLES))
         and each.is_file()
         and not any(part.startswith(".") for part in each.relative_to(folder).parts)
         and not is_result(each.parent)

@@ -152,12 +152,12 @@ _CMU = _family(
 )
 _HUMAN_IK = _family(
     # Names of MotionBuilder's HumanIK, with Mixamo's and 3ds Max's namespaces in front or not; also
-    # those of the CMU database's BVH files and of Perception Neuron's. "RightShoulder" is the
-    # clavicle here.
-    "MotionBuilder, Mixamo, Perception Neuron",
+    # those of the CMU database's BVH files, of Perception Neuron's and of the SOMA skeleton, which
+    # has Spine1, Spine2 and Chest. "RightShoulder" is the clavicle here.
+    "MotionBuilder, Mixamo, Perception Neuron, SOMA",
     "Hips",
     ("Spine2", "Spine1", "Spine", "LowerBack"),
-    ("Spine3", "Spine2", "Spine1", "Spine", "Chest"),
+    ("Chest", "Spine3", "Spine2", "Spine1", "Spine"),
     "{Side}Arm",
     "{Side}ForeArm",
     ("{Side}FingerBase", "{Side}Hand"),
