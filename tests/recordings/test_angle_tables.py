@@ -115,7 +115,7 @@ def test_short_gaps_are_bridged_on_request(tmp_path: Path) -> None:
     file = write(tmp_path, gappy((0.0, 0.05), (1.2, 1.27)))
     with pytest.raises(Gaps, match=r"REx_joint is missing at 0.000 s; in all 14 of 301 samples"):
         go.read_motion(file)
-    with pytest.warns(RuntimeWarning, match="1 gaps of up to 0.1 s bridged and the part from 0.06"):
+    with pytest.warns(RuntimeWarning, match="1 gap of up to 0.1 s bridged and the part from 0.06"):
         motion = go.read_motion(file, fill=0.1)
     assert motion.time == pytest.approx(TIME[6:])
     assert motion.q == pytest.approx(Q[6:], abs=1e-4)

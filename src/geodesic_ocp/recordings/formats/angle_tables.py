@@ -237,7 +237,7 @@ def complete(
     if part is not None and not 1 <= part <= len(parts):
         raise ValueError(f"part must be a number from 1 to {len(parts)}, got {part}")
     kept = np.arange(len(time)) if not gone.any() and part is None else parts[(part or 1) - 1]
-    done = [f"{bridged} gaps of up to {fill:g} s bridged"] if bridged else []
+    done = [f"{bridged} gap{'s'[: bridged - 1]} of up to {fill:g} s bridged"] if bridged else []
     if kept.size < len(time):
         done.append(f"the part from {time[kept[0]]:.2f} to {time[kept[-1]]:.2f} s alone")
     if done:
