@@ -222,5 +222,11 @@ def test_motion_bids_without_the_files_beside_it(tmp_path: Path) -> None:
     with pytest.raises(go.RecordingError, match=r"sub-01_channels\.tsv, .* is not beside it"):
         recognise(file)
     write(tmp_path, "sub-01_channels.tsv", BIDS["sub-01_channels.tsv"])
-    with pytest.raises(go.RecordingError, match=r"sub-01_motion\.json, .* is not beside it"):
+    for content in ("", "7", "[]"):
+        if content:
+            write(tmp_path, "sub-01_motion.json", content)
+        with pytest.raises(go.RecordingError, match=r"no sub-01_motion\.json .* gives Sampling"):
+            go.read_motion(file)
+    write(tmp_path, "sub-01_motion.json", '{"SamplingFrequency": "n/a"}')
+    with pytest.raises(go.RecordingError, match="the rate of frames must be"):
         go.read_motion(file)

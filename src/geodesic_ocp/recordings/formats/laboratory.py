@@ -230,6 +230,7 @@ def _beside(file: Path, suffix: str) -> Iterator[Path]:
         yield from sorted(found, key=lambda each: len(each.name), reverse=True)
 
 
+_RATE = "SamplingFrequency"
 _NEEDED = ("name", "component", "type", "tracked_point", "units")
 
 
@@ -271,14 +272,11 @@ def _bids(file: Path, kind: str) -> tuple[list[dict[str, str]], Rows, list[int],
     if "LATENCY" in types:
         time = rows.at([types.index("LATENCY")])[:, 0]
     else:
-        rates = [
-            record["SamplingFrequency"]
-            for each in _beside(file, "_motion.json")
-            if "SamplingFrequency" in (record := read_structured(each, "description"))
-        ]
+        stated = (read_structured(each, "description") for each in _beside(file, "_motion.json"))
+        rates = [each[_RATE] for each in stated if isinstance(each, dict) and _RATE in each]
         if not rates:
             wanted = file.name.replace(".tsv", ".json")
-            raise RecordingError(f"{wanted}, which gives SamplingFrequency, is not beside it")
+            raise RecordingError(f"no {wanted} beside it or above gives {_RATE}")
         time = _time(np.arange(len(rows.cells), dtype=float), rates[0])
     return channels, rows, [k for k, each in enumerate(types) if each == kind], time
 
