@@ -16,6 +16,7 @@ from geodesic_ocp.drawing.actors import Actor, extreme_points, model_actor, rest
 from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.drawing.raster import outlines
 from geodesic_ocp.drawing.styles import NEUTRAL, ROLES, mixed
+from geodesic_ocp.model.anthropometry import person_arms
 from geodesic_ocp.model.distances import NearestPoints, nearest_points
 from geodesic_ocp.model.look import Colour, Indices
 from geodesic_ocp.model.model import Model
@@ -106,6 +107,11 @@ class Postures(ShortRepr):
         joints = [each[:, None] for link, each in actor.positions.items() if model.moves(link)]
         actors = (actor, *rest_of_person(model))
         return cls(model, actors, np.concatenate([*joints, hands], axis=1), hands)
+
+    @property
+    def forward(self) -> int:
+        """The axis along which the model faces: y of a person, x of a robot (REP 103 of ROS)."""
+        return 1 if person_arms(self.model) else 0
 
     @cached_property
     def links(self) -> tuple[tuple[Actor, str, bool, Array, Indices], ...]:
