@@ -15,6 +15,7 @@ from PIL import Image
 from geodesic_ocp.cli.main import new_app
 
 _WIDTH = 600  # of a picture on a card [pixels]
+_SHORT = 80  # letters of a sentence that is not enough for a card
 _OPTION = re.compile(r"(?<![`\w-])--[a-z][a-z-]*(=[-\w]+)?")  # in sentences
 _FRAME = re.compile(r'<iframe srcdoc="(.*?)"', re.DOTALL)
 
@@ -31,6 +32,8 @@ def write_notebooks(source: Path, folder: Path, viewers: Path) -> None:
         outputs = [each.get("data", {}) for cell in cells for each in cell.get("outputs", ())]
         pictures = [each["image/png"] for each in outputs if "image/png" in each]
         picture = Image.open(io.BytesIO(base64.b64decode(max(pictures, key=len))))
+        width, height = picture.size
+        picture = picture.crop((0, 0, width, min(height, width * 9 // 16)))
         picture.thumbnail((_WIDTH, _WIDTH))
         picture.save(folder / f"{name}.png", optimize=True)
         title, first = _opening("".join(cells[0]["source"]))
@@ -42,10 +45,11 @@ def write_notebooks(source: Path, folder: Path, viewers: Path) -> None:
 
 
 def _opening(text: str) -> tuple[str, str]:
-    """The title and the first sentence, without links."""
+    """The title and the first sentences, without links."""
     title, paragraph, *_ = text.split("\n\n")
-    first = re.split(r"(?<=[.?:])\s", paragraph, maxsplit=1)[0]
-    return title.lstrip("# "), re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", first).rstrip(":")
+    sentences = re.split(r"(?<=[.?])\s", re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", paragraph))
+    first = sentences[0] if len(sentences[0]) > _SHORT else " ".join(sentences[:2])
+    return title.lstrip("# "), first
 
 
 def write_commands(folder: Path) -> None:

@@ -75,7 +75,8 @@ def draw_axes_of_space(axes: Axes, view: Camera, origin: Array, length: float) -
     """Draw the axes x, y and z [m] from a point (2,) of the figure."""
     named: list[tuple[Array, str]] = []
     for name, tip in zip("xyz", length * view.plane(np.eye(3)), strict=True):
-        axes.plot(*np.array([origin, origin + tip]).T, color="0.45", linewidth=1.0)
+        line = np.array([origin, origin + tip]).T
+        axes.plot(*line, color="0.45", linewidth=1.0, clip_on=False)
         near = [k for k, (at, _) in enumerate(named) if np.linalg.norm(at - tip) < _NEARBY * length]
         if near:  # two axes that look alike have one label
             named[near[0]] = (named[near[0]][0], f"{named[near[0]][1]}, {name}")
