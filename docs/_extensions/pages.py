@@ -39,7 +39,9 @@ def write_notebooks(source: Path, folder: Path, viewers: Path) -> None:
         title, first = _opening("".join(cells[0]["source"]))
         cards += [f"- [![]({name}.png)]({name}.ipynb)", f"\n  **[{title}]({name}.ipynb)**"]
         cards += [f"\n  {first}\n"]
-        if frames := _FRAME.findall("".join("".join(each.get("text/html", "")) for each in outputs)):
+        if frames := _FRAME.findall(
+            "".join("".join(each.get("text/html", "")) for each in outputs)
+        ):
             (viewers / f"{name}.html").write_text(html.unescape(frames[0]), encoding="utf-8")
     (folder / "cards.md").write_text("\n".join([*cards, "```", ""]), encoding="utf-8")
 

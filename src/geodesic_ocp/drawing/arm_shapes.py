@@ -206,6 +206,17 @@ def draw_obstacle(
     """Draw the outline of a stationary obstacle, projected along the third axis.
 
     A half-space whose boundary is not seen edge-on is omitted: it would fill the figure.
+
+    >>> from matplotlib.figure import Figure
+    >>> import geodesic_ocp as go
+    >>> axes = Figure().add_subplot()
+    >>> go.drawing.draw_obstacle(axes, go.Ball(centre=(0.0, 0.0, 0.0), radius=0.1), (0, 1))
+
+    Args:
+        axes: to draw in.
+        obstacle: ball, capsule, box or half-space.
+        columns: indices of the axes of space to the right and up in the figure.
+        label: for the legend; None: none.
     """
     from matplotlib.patches import Polygon
 

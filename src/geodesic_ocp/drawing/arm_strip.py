@@ -355,7 +355,11 @@ def draw_path_arms(
     if view is not None:
         texts = [text.removeprefix("s = ") for text in texts]
         draw_overlay(axes, view, postures, texts, obstacles=obstacles, path=ways[0])
-        axes.set_title(f"{model.name} at values of s, {view.side(postures.forward)}", **_TITLE, parse_math=False)
+        axes.set_title(
+            f"{model.name} at values of s, {view.side(postures.forward)}",
+            **_TITLE,
+            parse_math=False,
+        )
         return
     lines = None if near is None else gap_directions(near)
     view = best_view(postures, np.concatenate(ways), obstacles, lines, closest)

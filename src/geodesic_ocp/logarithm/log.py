@@ -126,9 +126,6 @@ def log(
     velocities (k, n), found all at once where the system's compiler is GCC, in half the time; they
     are those of single calls to 1e-10.
 
-    `solver` is "newton", which takes milliseconds, or "ipopt", the reference; None takes the
-    environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete energy.
-
     >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q0 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0]
@@ -138,6 +135,15 @@ def log(
     array([ 0.035, -0.141, -0.488,  2.169,  0.438, -2.102,  0.88 ])
     >>> go.exp(metric, q0, v0).round(6)
     array([ 0.6,  0.2, -0.9,  1.4,  0.1,  0.2,  0.1])
+
+    Args:
+        metric: metric of the manifold.
+        q0, q1: configurations (n,) [rad or m], or k of them (k, n) for one or both.
+        num_starts: number of initial paths; the first is the straight line.
+        seed: seed of the random waypoints of the others.
+        solver: "newton", which takes milliseconds, or "ipopt", the reference; None takes the
+            environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete
+            energy.
 
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or, with one start, a straight line
@@ -161,6 +167,11 @@ def distance(
     >>> import geodesic_ocp as go
     >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
     5.0
+
+    Args:
+        metric: metric of the manifold.
+        q0, q1: configurations (n,) [rad or m], or k of them (k, n) for one or both.
+        num_starts, seed, solver: see `log`.
     """
     velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
     if velocity.ndim == 1:
