@@ -13,22 +13,19 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.model.collada import Colour, collada_runs
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, as_capsule
 
 Indices: TypeAlias = NDArray[np.int64]
-Colour: TypeAlias = tuple[float, float, float]
 _SIZE = 1000.0  # of the largest mesh: the thresholds of the simplification are absolute
 _APART = 4.0 * _SIZE  # between the meshes, to tell whose a vertex is
 _FIXED = 0.7  # relative size of meshes that matter less, so that their errors count for less
-# The bound of the errors grows to 1e-9 * 103^a, in squares of the unit of _SIZE: 0.34 % of it.
-_GROWTH = 5.0
-# Widths of the cells [size of the largest mesh] in which vertices become one, step by step.
-_CELLS = (0.0, 1e-3, 2e-3, 4e-3, 6e-3, 9e-3, 1.3e-2, 2e-2, 3e-2, 4.5e-2)
-_MANY = 8  # times as many triangles as wanted: the first cells would be of little use
-_OF_SMALL = 0.02  # [size of the mesh], the largest of the first cells
+# How fast the bound of the errors grows: at 5 two of seven robots keep half as many again as are
+# wanted, at 7 their smooth parts get facets.
+_GROWTH = 6.0
 _SAME_PLACE = 1e-6  # [size of the mesh]
 # Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
 Surface: TypeAlias = tuple[Array, Indices]
@@ -65,26 +62,18 @@ class Mesh(ShortRepr):
 def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
     """Return the meshes with about `count` triangles together, without those that are degenerate.
 
-    Coincident vertices become one. While there are too many triangles, vertices in cells of a grid
-    become one, in ever larger cells (vertex clustering: Rossignac and Borrel, 1993), and edges are
-    collapsed where that changes any of the surfaces least (quadric error metrics: Garland and
-    Heckbert, SIGGRAPH 1997), so that flat and small parts get few triangles. Vertices remain within
-    the boxes around those that they replace. Meshes that do not matter, such as those of links that
-    do not move, may change more.
+    Coincident vertices become one. If there are too many triangles, edges are collapsed where that
+    changes any of the surfaces least (quadric error metrics: Garland and Heckbert, SIGGRAPH 1997),
+    so that flat and small parts get few of them. Vertices remain within the boxes around those that
+    they replace. Meshes that do not matter, such as those of links that do not move, may change
+    more.
     """
     largest = max((_size(mesh) for mesh in found), default=0.0)
     scales = [_SIZE / (largest or 1.0) * (1.0 if moves else _FIXED) for moves in matters]
-    result = [_welded(mesh, 0.0, largest) for mesh in found]
-    for cell in _CELLS[1 if _total(result) > _MANY * count else 0 :]:
-        if cell > 0.0 and _total(result) > count:
-            result = [_welded(mesh, cell, largest) for mesh in result]
-        if _total(result) > count:
-            result = _collapsed(result, scales, count)
+    result = [_welded(mesh) for mesh in found]
+    if sum(len(mesh.triangles) for mesh in result) > count:
+        result = _collapsed(result, scales, count)
     return [mesh for mesh in result if len(mesh.triangles)]
-
-
-def _total(meshes: Sequence[Mesh]) -> int:
-    return sum(len(mesh.triangles) for mesh in meshes)
 
 
 def _collapsed(meshes: list[Mesh], scales: list[float], count: int) -> list[Mesh]:
@@ -138,33 +127,17 @@ def _size(mesh: Mesh) -> float:
     return float(np.ptp(mesh.vertices, axis=0).max()) if len(mesh.vertices) else 0.0
 
 
-def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
-    """Return the mesh with one vertex in each cell, or place, without triangles that have lost
-    area.
-
-    Args:
-        mesh: mesh of any size.
-        cell: width of the cells, a share of the largest mesh; small meshes have smaller ones.
-        largest: size of the largest mesh [m].
-    """
-    size = _size(mesh)
-    width = max(min(cell * largest, max(_OF_SMALL, 5.0 * cell) * size), _SAME_PLACE * size)
+def _welded(mesh: Mesh) -> Mesh:
+    """Return the mesh with one vertex at each place, without triangles that have no area."""
+    width = _SAME_PLACE * _size(mesh) or 1.0
     low = mesh.vertices.min(axis=0, initial=np.inf)
-    x, y, z = np.rint((mesh.vertices - low) / (width or 1.0)).astype(np.int64).T
-    count = round(1.0 / _SAME_PLACE) + 1  # cells along an axis, at most
-    _, owner, members = np.unique(
-        (x * count + y) * count + z, return_inverse=True, return_counts=True
-    )
-    middles = np.zeros((len(members), 3))
-    np.add.at(middles, owner.reshape(-1), mesh.vertices)
-    middles /= members[:, None]
+    places = np.rint((mesh.vertices - low) / width).astype(np.int64)
+    _, first, owner = np.unique(places, axis=0, return_index=True, return_inverse=True)
     triangles = owner.reshape(-1)[mesh.triangles].reshape(-1, 3).astype(np.int64)
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
-    low, middle, high = np.sort(triangles, axis=1).T  # the same triangle, however it is turned
-    every = (low * len(middles) + middle) * len(middles) + high
-    _, first = np.unique(every, return_index=True)
-    vertices, corners = _used(middles, triangles[np.sort(first)])
+    _, kept = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)  # however turned
+    vertices, corners = _used(mesh.vertices[first], triangles[np.sort(kept)])
     return replace(mesh, vertices=vertices, triangles=corners)
 
 
@@ -273,8 +246,10 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
         if np.prod(shape.meshScale) < 0.0:  # a reflection reverses the orientation
             triangles = triangles[:, ::-1]
         red, green, blue = np.clip(np.asarray(shape.meshColor, dtype=float)[:3], 0.0, 1.0).tolist()
-        placed = moved((points, triangles), at_link.rotation, at_link.translation)
-        yield Mesh(link, *placed, (red, green, blue))
+        vertices, triangles = moved((points, triangles), at_link.rotation, at_link.translation)
+        runs = [] if shape.overrideMaterial else collada_runs(shape.meshPath, triangles)
+        for run, colour in runs or [(slice(None), (red, green, blue))]:
+            yield Mesh(link, vertices, triangles[run], colour)
 
 
 def body_mesh(body: Capsule | Ball | Box) -> Mesh:
