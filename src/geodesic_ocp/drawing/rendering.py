@@ -17,7 +17,6 @@ from geodesic_ocp.model.look import Colour
 Single = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
-_LEAST = 12  # triangles of a part
 _CREASE = np.deg2rad(35.0)  # [rad]: edges between faces that differ by more stay sharp
 
 
@@ -53,20 +52,12 @@ class Part:
         return len(self.matrices) == 1 and len(self.positions) == 1
 
 
-def smooth_surface(
-    vertices: Array, triangles: NDArray[np.int64], most: int
+def creased(
+    vertices: Array, triangles: NDArray[np.int64]
 ) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return vertices, normals and triangles of a surface of about `most` triangles, edges kept."""
-    import fast_simplification
+    """Return vertices, normals and triangles of a surface that is smooth between its edges."""
     import trimesh
 
-    if len(triangles) > max(most, _LEAST):
-        points, faces = fast_simplification.simplify(
-            np.ascontiguousarray(vertices, dtype=float),
-            np.ascontiguousarray(triangles, dtype=np.int64),
-            target_count=max(most, _LEAST),
-        )[:2]
-        vertices, triangles = np.asarray(points, dtype=float), np.asarray(faces, dtype=np.int64)
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
     smooth = trimesh.graph.smooth_shade(mesh, angle=_CREASE, facet_minarea=None)
     return (

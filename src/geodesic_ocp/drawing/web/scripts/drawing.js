@@ -93,10 +93,7 @@ class Drawing {
         const paint = actor.role ? this.roles[actor.role].body : part.colour;
         const overlay = () => hull(new THREE.MeshPhongMaterial({ color: colour(paint), shininess: 10 }), around);
         materials[paint] ??= actor.translucent ? overlay() : painted(paint);
-        const smooth = this.surfaces[part.body];
-        if (!actor.translucent) smooth.userData.sharp ??= creased(smooth);
-        const shape = actor.translucent ? smooth : smooth.userData.sharp;
-        const body = this.mesh(shape, materials[paint], name, !actor.translucent);
+        const body = this.mesh(this.surfaces[part.body], materials[paint], name, !actor.translucent);
         if (actor.translucent) {
           // Its own depth comes first, so that only its outside is seen.
           const depth = new THREE.Mesh(body.geometry, hidden);

@@ -1,7 +1,6 @@
 // Numbers, surfaces and materials from the data that described.py writes.
 
 const MISSING = -32768;
-const CREASE = Math.cos((35 * Math.PI) / 180); // between triangles that look like one surface
 const CLEAR = "0.08"; // opacity of the middle of a hull
 const RIM = "0.2, 0.75"; // cosines of angles from which its rim fades, and to which
 
@@ -25,31 +24,6 @@ function surface({ vertices, triangles, bits }) {
   const made = new BufferGeometry().setIndex(new BufferAttribute(corners, 1));
   made.setAttribute("position", new BufferAttribute(unpacked(vertices), 3));
   made.computeVertexNormals();
-  return made;
-}
-
-// The surface with edges where triangles meet at an angle, whatever way round their corners are:
-// files of robots are not consistent.
-function creased(smooth) {
-  const { BufferAttribute } = MeshCat.THREE;
-  const corners = smooth.index.array;
-  const made = smooth.toNonIndexed();
-  made.computeVertexNormals(); // of the triangles
-  const flat = made.attributes.normal.array;
-  const at = Array.from({ length: smooth.attributes.position.count }, () => []);
-  corners.forEach((vertex, corner) => at[vertex].push(corner));
-  const normals = new Float32Array(flat.length);
-  corners.forEach((vertex, corner) => {
-    const [x, y, z] = flat.subarray(3 * corner, 3 * corner + 3);
-    for (const other of at[vertex]) {
-      const [u, v, w] = flat.subarray(3 * other, 3 * other + 3);
-      const along = x * u + y * v + z * w;
-      if (Math.abs(along) < CREASE) continue;
-      [u, v, w].forEach((each, axis) => (normals[3 * corner + axis] += Math.sign(along) * each));
-    }
-  });
-  made.setAttribute("normal", new BufferAttribute(normals, 3));
-  made.normalizeNormals();
   return made;
 }
 
@@ -83,6 +57,7 @@ function colour(value) {
 }
 
 function painted(value, opacity = 1) {
+  // Triangles of robots' files are not the same way round everywhere.
   const { DoubleSide, FrontSide, MeshLambertMaterial } = MeshCat.THREE;
   const how = { color: colour(value), opacity, transparent: opacity < 1 };
   return new MeshLambertMaterial({ ...how, side: opacity < 1 ? FrontSide : DoubleSide });
