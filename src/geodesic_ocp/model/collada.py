@@ -10,16 +10,24 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-Colour: TypeAlias = tuple[float, float, float]  # red, green and blue, from 0 to 1
+_Colour: TypeAlias = tuple[float, float, float]  # red, green and blue, from 0 to 1
 _LOST = 0.01  # share of triangles, degenerate ones, that a reader of the file may leave out
 
 
-def collada_runs(file: str, triangles: NDArray[np.int64]) -> list[tuple[slice, Colour]]:
-    """Return which of the triangles (m, 3) that were read from a file have which colour.
+def collada_parts(
+    file: str, triangles: NDArray[np.int64], count: int
+) -> list[tuple[NDArray[np.int64], _Colour]]:
+    """Return triangles of each material, and its colour, of a mesh that was read from a file.
 
     A reader takes the nodes of the scene in order, and in each node the groups of triangles, whose
-    vertices are apart from those of other groups. A file with other features, such as textures or
-    references to nodes, has no runs.
+    vertices follow each other. coal 3 numbers the vertices of each group of a node from the same
+    one on, which is corrected here. A file with other features, such as textures or references to
+    nodes, has no parts.
+
+    Args:
+        file: its path; only .dae has parts.
+        triangles: indices of vertices (m, 3).
+        count: number of vertices.
     """
     if Path(file).suffix.lower() != ".dae":
         return []
@@ -27,23 +35,31 @@ def collada_runs(file: str, triangles: NDArray[np.int64]) -> list[tuple[slice, C
         groups = list(_groups(ET.parse(file).getroot()))
     except (ET.ParseError, OSError, KeyError, ValueError):
         return []
-    total = sum(count for count, _ in groups)
-    if not groups or not 0 <= total - len(triangles) <= _LOST * total:
+    expected = np.cumsum([0, *(number for number, _ in groups)])
+    lost = int(expected[-1]) - len(triangles)
+    if not groups or not 0 <= lost <= _LOST * expected[-1]:
         return []
-    # Where no later triangle has a vertex of an earlier one.
     before = np.maximum.accumulate(triangles.max(axis=1))
-    after = np.minimum.accumulate(triangles.min(axis=1)[::-1])[::-1]
-    apart = np.concatenate([[0], np.flatnonzero(before[:-1] < after[1:]) + 1, [len(triangles)]])
-    expected = np.cumsum([0, *(count for count, _ in groups)]) * len(triangles) / total
-    ends = [int(apart[np.argmin(np.abs(apart - each))]) for each in expected]
-    return [
-        (slice(start, stop), colour)
-        for start, stop, (_, colour) in zip(ends, ends[1:], groups, strict=False)
-        if start < stop
-    ]
+    low = triangles.min(axis=1)
+    after = np.minimum.accumulate(low[::-1])[::-1]
+    ends = [0]
+    for end in expected[1:-1]:
+        places = np.arange(max(end - lost, ends[-1] + 1), min(end + 1, len(triangles)))
+        if not len(places):
+            return []
+        # No later triangle has a vertex of an earlier one; or else the numbers begin again.
+        apart = places[before[places - 1] < after[places]]
+        again = places[np.argmax(triangles.max(axis=1)[places - 1] - low[places])]
+        ends.append(int(apart[-1] if len(apart) else again))
+    pieces = [triangles[each] for each in map(slice, ends, [*ends[1:], len(triangles)])]
+    sizes = [int(np.ptp(piece)) + 1 for piece in pieces]
+    if sum(sizes) == count:
+        starts = np.cumsum([0, *sizes[:-1]])
+        pieces = [piece - piece.min() + at for piece, at in zip(pieces, starts, strict=True)]
+    return [(piece, colour) for piece, (_, colour) in zip(pieces, groups, strict=True)]
 
 
-def _groups(root: ET.Element) -> Iterator[tuple[int, Colour]]:
+def _groups(root: ET.Element) -> Iterator[tuple[int, _Colour]]:
     """Yield number and colour of the triangles of each group, in the order of the scene."""
     by_id = {each.get("id"): each for each in root.iter() if each.get("id")}
     scene = root.find("{*}scene/{*}instance_visual_scene")
@@ -70,7 +86,7 @@ def _groups(root: ET.Element) -> Iterator[tuple[int, Colour]]:
                 yield count, _colour(bound[group.get("material")], by_id)
 
 
-def _colour(material: ET.Element, by_id: dict[str | None, ET.Element]) -> Colour:
+def _colour(material: ET.Element, by_id: dict[str | None, ET.Element]) -> _Colour:
     effect = material.find("{*}instance_effect")
     if effect is None:
         raise ValueError("a material without an effect")

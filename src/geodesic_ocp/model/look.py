@@ -13,13 +13,14 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.model.collada import Colour, collada_runs
+from geodesic_ocp.model.collada import collada_parts
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, as_capsule
 
 Indices: TypeAlias = NDArray[np.int64]
+Colour: TypeAlias = tuple[float, float, float]
 _SIZE = 1000.0  # of the largest mesh: the thresholds of the simplification are absolute
 _APART = 4.0 * _SIZE  # between the meshes, to tell whose a vertex is
 _FIXED = 0.7  # relative size of meshes that matter less, so that their errors count for less
@@ -247,9 +248,10 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
             triangles = triangles[:, ::-1]
         red, green, blue = np.clip(np.asarray(shape.meshColor, dtype=float)[:3], 0.0, 1.0).tolist()
         vertices, triangles = moved((points, triangles), at_link.rotation, at_link.translation)
-        runs = [] if shape.overrideMaterial else collada_runs(shape.meshPath, triangles)
-        for run, colour in runs or [(slice(None), (red, green, blue))]:
-            yield Mesh(link, vertices, triangles[run], colour)
+        given = red, green, blue
+        parts = collada_parts(shape.meshPath, triangles, len(points)) or [(triangles, given)]
+        for part, colour in parts:
+            yield Mesh(link, vertices, part, given if shape.overrideMaterial else colour)
 
 
 def body_mesh(body: Capsule | Ball | Box) -> Mesh:
