@@ -27,6 +27,10 @@ _FIXED = 0.7  # relative size of meshes that matter less, so that their errors c
 # How fast the bound of the errors grows: at 5 two of seven robots keep half as many again as are
 # wanted, at 7 their smooth parts get facets.
 _GROWTH = 6.0
+# Widths of the cells [size of the largest mesh] in which vertices become one, step by step.
+_CELLS = (0.0, 1e-3, 2e-3, 4e-3, 6e-3, 9e-3, 1.3e-2, 2e-2, 3e-2, 4.5e-2)
+_MANY = 1.1  # times as many triangles as wanted
+_OF_SMALL = 0.02  # [size of the mesh], the largest of the first cells
 _SAME_PLACE = 1e-6  # [size of the mesh]
 # Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
 Surface: TypeAlias = tuple[Array, Indices]
@@ -65,16 +69,24 @@ def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> li
 
     Coincident vertices become one. If there are too many triangles, edges are collapsed where that
     changes any of the surfaces least (quadric error metrics: Garland and Heckbert, SIGGRAPH 1997),
-    so that flat and small parts get few of them. Vertices remain within the boxes around those that
-    they replace. Meshes that do not matter, such as those of links that do not move, may change
-    more.
+    so that flat and small parts get few of them. Where that leaves far more, as borders are kept,
+    vertices in cells of a grid become one before it, in ever larger cells (vertex clustering:
+    Rossignac and Borrel, 1993). Vertices remain within the boxes around those that they replace.
+    Meshes that do not matter, such as those of links that do not move, may change more.
     """
     largest = max((_size(mesh) for mesh in found), default=0.0)
     scales = [_SIZE / (largest or 1.0) * (1.0 if moves else _FIXED) for moves in matters]
-    result = [_welded(mesh) for mesh in found]
-    if sum(len(mesh.triangles) for mesh in result) > count:
-        result = _collapsed(result, scales, count)
+    result = list(found)
+    for cell in _CELLS:
+        if cell == 0.0 or _total(result) > _MANY * count:
+            result = [_welded(mesh, cell, largest) for mesh in result]
+            if _total(result) > count:
+                result = _collapsed(result, scales, count)
     return [mesh for mesh in result if len(mesh.triangles)]
+
+
+def _total(meshes: Sequence[Mesh]) -> int:
+    return sum(len(mesh.triangles) for mesh in meshes)
 
 
 def _collapsed(meshes: list[Mesh], scales: list[float], count: int) -> list[Mesh]:
@@ -128,17 +140,33 @@ def _size(mesh: Mesh) -> float:
     return float(np.ptp(mesh.vertices, axis=0).max()) if len(mesh.vertices) else 0.0
 
 
-def _welded(mesh: Mesh) -> Mesh:
-    """Return the mesh with one vertex at each place, without triangles that have no area."""
-    width = _SAME_PLACE * _size(mesh) or 1.0
+def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
+    """Return the mesh with one vertex in each cell, or place, without triangles that have lost
+    area.
+
+    Args:
+        mesh: mesh of any size.
+        cell: width of the cells, a share of the largest mesh; small meshes have smaller ones.
+        largest: size of the largest mesh [m].
+    """
+    size = _size(mesh)
+    width = max(min(cell * largest, max(_OF_SMALL, 5.0 * cell) * size), _SAME_PLACE * size)
     low = mesh.vertices.min(axis=0, initial=np.inf)
-    places = np.rint((mesh.vertices - low) / width).astype(np.int64)
-    _, first, owner = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    x, y, z = np.rint((mesh.vertices - low) / (width or 1.0)).astype(np.int64).T
+    count = round(1.0 / _SAME_PLACE) + 1  # cells along an axis, at most
+    _, owner, members = np.unique(
+        (x * count + y) * count + z, return_inverse=True, return_counts=True
+    )
+    middles = np.zeros((len(members), 3))
+    np.add.at(middles, owner.reshape(-1), mesh.vertices)
+    middles /= members[:, None]
     triangles = owner.reshape(-1)[mesh.triangles].reshape(-1, 3).astype(np.int64)
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
-    _, kept = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)  # however turned
-    vertices, corners = _used(mesh.vertices[first], triangles[np.sort(kept)])
+    low, middle, high = np.sort(triangles, axis=1).T  # the same triangle, however it is turned
+    every = (low * len(middles) + middle) * len(middles) + high
+    _, first = np.unique(every, return_index=True)
+    vertices, corners = _used(middles, triangles[np.sort(first)])
     return replace(mesh, vertices=vertices, triangles=corners)
 
 
