@@ -1,10 +1,12 @@
-"""Fail if the built site links to a page, a file or an anchor that it does not have.
+"""Fail if the built site links to a page, a file or an anchor that it does not have, or shows a
+table as the text that it was written in.
 
 python docs/check_links.py docs/_build/html
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
@@ -46,7 +48,21 @@ def dead_links(site: Path) -> list[str]:
     return dead
 
 
+_PIPES = re.compile(r"<p>\|[^<]*\|\n\|")  # two rows
+_SCRIPTS = re.compile(r"<(script|iframe|pre)\b.*?</\1>|srcdoc=\"[^\"]*\"", re.DOTALL)
+
+
+def raw_tables(site: Path) -> list[str]:
+    """Every page with the pipes of a table in its text."""
+    texts = {file: file.read_text(encoding="utf-8") for file in site.rglob("*.html")}
+    return [
+        f"{file.relative_to(site)}: {found.group()[:60]!r} is no table"
+        for file, text in texts.items()
+        if (found := _PIPES.search(_SCRIPTS.sub("", text)))
+    ]
+
+
 if __name__ == "__main__":
-    found = dead_links(Path(sys.argv[1]))
-    print("\n".join(found) or "no dead links")
+    found = dead_links(Path(sys.argv[1])) + raw_tables(Path(sys.argv[1]))
+    print("\n".join(found) or "no dead links, no raw tables")
     sys.exit(bool(found))

@@ -11,17 +11,18 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE / "_extensions"))
 
+from pages import write_commands, write_notebooks  # noqa: E402
 from public_names import public_names  # noqa: E402
 
 # Notebooks and gallery are kept once, in folders of their own, and copied for each build.
-for copied in (HERE / "problems", HERE / "reference" / "generated"):
-    shutil.rmtree(copied, ignore_errors=True)
+COMMANDS, EXTRA = HERE / "reference" / "generated" / "commands", HERE / "_extra"
+for made in (HERE / "problems", COMMANDS.parent, EXTRA):
+    shutil.rmtree(made, ignore_errors=True)
 shutil.copytree(ROOT / "problems", HERE / "problems", ignore=shutil.ignore_patterns("__pycache__"))
-for file in (HERE / "tutorials").glob("*.ipynb"):
-    file.unlink()
-for file in (ROOT / "notebooks").glob("*.ipynb"):
-    text = file.read_text(encoding="utf-8").replace("](../docs/", "](../")
-    (HERE / "tutorials" / file.name).write_text(text, encoding="utf-8")
+COMMANDS.mkdir(parents=True)
+write_commands(COMMANDS)
+(EXTRA / "viewers").mkdir(parents=True)
+write_notebooks(ROOT / "notebooks", HERE / "tutorials", EXTRA / "viewers")
 
 project = "geodesic_ocp"
 author = "The geodesic_ocp developers"
@@ -29,7 +30,6 @@ project_copyright = author
 release = version = version_of("geodesic_ocp")
 
 extensions = [
-    "command_help",
     "docstrings",
     "mathml",
     "myst_nb",
@@ -40,15 +40,20 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
 ]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "tutorials/cards.md"]
 templates_path = ["_templates"]
 html_theme = "furo"
-html_title = "geodesic_ocp"
+html_title = f"geodesic_ocp {version}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_extra_path = ["_extra"]
+html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_show_sourcelink = False
 html_math_renderer = "mathml"  # no script, nothing to fetch
 
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+nb_render_markdown_format = "gfm"  # with tables
 nb_execution_mode = "off"  # the notebooks' stored outputs are shown; CI executes them
 copybutton_exclude = ".linenos, .gp, .go"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import re
 import shlex
 from dataclasses import dataclass
@@ -112,6 +113,16 @@ def test_the_reference_lists_every_public_name() -> None:
     texts = "".join(page.read_text() for page in pages)
     listed = re.findall(r"^   ([\w.]+)$", texts, re.MULTILINE)
     assert sorted(listed) == sorted(public_names())
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, value in public_names().items() if inspect.isfunction(value)]
+)
+def test_every_public_function_describes_its_arguments(name: str) -> None:
+    function: Any = public_names()[name]
+    _, _, arguments = (inspect.getdoc(function) or "").partition("\nArgs:\n")
+    missing = set(inspect.signature(function).parameters) - set(re.findall(r"\w+", arguments))
+    assert missing == set()
 
 
 def test_commands_have_these_options() -> None:

@@ -1,13 +1,12 @@
-"""Make the pictures of the documentation: docs/show.gif, reach.gif, robots.webp, panda.png, and two
-of evidence.
+"""Make the pictures of the documentation: docs/show.gif, robots.webp, panda.png, and two of
+evidence.
 
-Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [reach.gif] [robots.webp] [panda.png]
+Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [robots.webp] [panda.png]
         python tools/pictures.py --recordings FILE:SIDE [FILE:SIDE ...] -- scores.png inertia.png
 
 show.gif is the bundled recording beside its retargeting on the Panda; panda.png the figure of the
-same; robots.webp the recording on three robots; reach.gif the reach past a lamp of the README. It
-needs the extras robots and viewer, and takes a few minutes. The same files follow from the same
-versions of the packages.
+same; robots.webp the recording on three robots. It needs the extras robots and viewer, and takes a
+few minutes. The same files follow from the same versions of the packages.
 scores.png has the errors of all methods relative to straight lines, inertia.png those of geodesics
 by their joint inertia, on the given recordings and the bundled one.
 """
@@ -39,8 +38,9 @@ ROBOTS = ("panda", "armar6-left", "g1-left-arm")  # in robots.webp
 def main() -> None:
     """Run the command line."""
     makers = {
-        **{"show.gif": make_show, "reach.gif": make_reach},
-        **{"robots.webp": make_robots, "panda.png": make_figure},
+        "show.gif": make_show,
+        "robots.webp": make_robots,
+        "panda.png": make_figure,
     }
     figures = {"scores.png": draw_scores, "inertia.png": draw_inertia}
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -144,17 +144,6 @@ def make_robots(path: Path) -> None:
     scenes = (every[0].scenes[0], *(playback.scenes[1] for playback in every))
     scenes = tuple(replace(scene, note="") for scene in scenes)
     save_video(replace(every[0], scenes=scenes, title="", plots=()), path, width=1000, rate=12.5)
-
-
-def make_reach(path: Path) -> None:
-    """A reach past a lamp."""
-    arm = go.human_arm(side="right", height=1.75, mass=70.0)
-    start = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]  # [rad]
-    lamp = go.Ball(centre=(0.20, 0.35, -0.15), radius=0.06, name="lamp")  # [m], from the shoulder
-    reach = go.Reach(arm, start, position=(0.10, 0.45, 0.10), obstacles=(lamp,))
-    playback = playback_of(go.solve(reach, tolerance=1e-6))
-    plots = tuple(plot for plot in playback.plots if not plot.label.startswith("speed"))
-    save_video(replace(playback, title="", plots=plots), path, width=800, rate=15.0, speed=1.6)
 
 
 def make_figure(path: Path) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gadget import TWO_LINKS
 from installed_robots import needs_robots
 
 import geodesic_ocp as go
@@ -282,16 +283,27 @@ def test_other_arm_is_suggested(bundled_file: Path, capsys: pytest.CaptureFixtur
     assert "try --side" not in capsys.readouterr().err
 
 
-@pytest.mark.slow
-def test_models_lists_arms_robots_and_back_ends(capsys: pytest.CaptureFixture[str]) -> None:
+def test_models_lists_names_without_loading_any(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(load_model, "load_model", None)
+    monkeypatch.setattr(load_model, "human_arm", None)
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out
-    assert f"{go.human_arm().backend}: in use" in text
-    assert "left                 7 DoF,  3.43 kg, reach 0.65 m" in text
-    assert "RSx_joint" in text
+    assert f"{go.model.dynamics.choose_backend()}: in use" in text
     for robot in ROBOTS:
         assert f" {robot}" in text
     assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
+
+
+def test_models_describes_those_that_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (robot := tmp_path / "robot.urdf").write_text(TWO_LINKS)
+    assert cli.main(["models", "left", str(robot)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("left: 7 DoF, 3.43 kg, reach 0.65 m\n  LSx_joint")
+    assert text.endswith("2 DoF, 4.00 kg, reach 1.00 m\n  shoulder, elbow\n  hand: b\n")
 
 
 def test_models_names_missing_packages(

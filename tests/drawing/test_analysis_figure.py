@@ -58,7 +58,9 @@ def test_arms_are_drawn_in_both_views(figure: Figure) -> None:
     assert len(bodies) >= 3 * 2 * 6  # upper arm, forearm, hand, head, thorax and more
     times = [text.get_text() for text in strip.texts if text.get_text().endswith(" s")]
     assert times == ["0.1 s", "0.8 s", "1.7 s"]
-    assert {"seen along \u2212x", "seen along y"} <= {text.get_text() for text in strip.texts}
+    assert {"seen from the right", "seen from the back"} <= {
+        text.get_text() for text in strip.texts
+    }
     legend = [text.get_text() for text in strip.get_legend().get_texts()]
     assert legend == ["arm", "predicted"]
 

@@ -63,10 +63,13 @@ def test_a_camera_far_away_sees_what_one_at_infinity_sees(azimuth: float, elevat
 
 
 def test_views_say_from_where_they_are() -> None:
-    assert Camera.of_axes((0, 1)).name == "seen from above"
-    assert Camera.of_axes((0, 2)).name == "seen along y"
-    assert Camera.around_z(90.0, 0.0).name == "seen along \u2212y"
-    assert Camera.around_z(-45.0, 20.0).name == "seen from azimuth \u221245°, 20° above"
+    person, robot = 1, 0  # face along y, and along x
+    assert Camera.of_axes((0, 1)).side(person) == "seen from above"
+    assert Camera.of_axes((0, 2)).side(person) == "seen from the back"
+    assert Camera.around_z(90.0, 0.0).side(person) == "seen from the front"
+    assert Camera.around_z(0.0, 0.0).side(person) == "seen from the right"
+    assert Camera.around_z(0.0, 0.0).side(robot) == "seen from the front"
+    assert Camera.around_z(-45.0, 20.0).side(robot) == "seen from the front right and above"
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 70.0])
@@ -139,7 +142,7 @@ def test_a_planar_arm_is_seen_at_right_angles_to_its_plane() -> None:
     arm = planar_arm((0.5, 0.2), (1.0, 1.0), (0.2, 0.1), (0.01, 0.01))
     view = plane_of(Postures.of(arm, [[0.0, 0.4], [0.5, 0.8]]))
     assert view is not None
-    assert view.name == "seen from above"
+    assert view.axis == 2
 
 
 def test_a_motion_is_seen_across_and_not_from_behind_the_person(lifted: Postures) -> None:

@@ -62,7 +62,7 @@ def test_a_planar_arm_is_drawn_over_itself_in_metres() -> None:
 
 def test_a_metric_without_a_model_has_no_arm() -> None:
     figure = go.geodesic(go.Euclidean(2), [0.0, 0.0], [1.0, 1.0]).plot()
-    assert len(figure.axes) == 3
+    assert len(figure.axes) == 2
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from itertools import combinations
 from typing import Any
 
 import matplotlib as mpl
@@ -13,7 +14,7 @@ import pytest
 from geodesic_ocp.drawing.plots import draw_plot
 from geodesic_ocp.drawing.save_video import frames
 from geodesic_ocp.drawing.scene import SECONDS, Curve, Playback, Plot, Scene, Span
-from geodesic_ocp.drawing.styles import added_style, own_style
+from geodesic_ocp.drawing.styles import ROLES, added_style, mixed, own_style
 
 TIME = np.linspace(0.0, 1.0, 21)
 CURVES = (Curve("a_$1", TIME, TIME, "observed"), Curve("b & c", TIME, TIME**2))
@@ -26,6 +27,32 @@ STYLES: dict[str, Any] = {
     "layout": {"figure.autolayout": True},
     "lines": {"lines.marker": "o", "axes.grid": True, "xtick.labelsize": 20, "font.size": 20},
 }
+
+
+# Of linear red, green and blue, at full severity: Machado, Oliveira and Fernandes, IEEE TVCG 2009.
+VISION = {
+    "usual": np.eye(3),
+    "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+def lab(colour: str, vision: Any) -> np.ndarray:
+    """CIE L*a*b* of a colour of sRGB as it is seen."""
+    red = np.array(mixed(colour))
+    linear = np.where(red <= 0.04045, red / 12.92, ((red + 0.055) / 1.055) ** 2.4)
+    x, y, z = _XYZ @ np.clip(np.array(vision) @ linear, 0.0, 1.0) / _XYZ.sum(axis=1)
+    x, y, z = (np.cbrt(t) if t > 0.008856 else 7.787 * t + 16.0 / 116.0 for t in (x, y, z))
+    return np.array([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
+
+
+@pytest.mark.parametrize("vision", VISION.values(), ids=VISION)
+def test_colours_of_roles_differ_for_everybody(vision: Any) -> None:
+    seen = [lab(style["color"], vision) for style in ROLES.values()]
+    distances = [np.linalg.norm(a - b) for a, b in combinations(seen, 2)]
+    assert min(distances) > 15.0  # about six times what is just noticed
 
 
 @pytest.mark.slow

@@ -33,6 +33,7 @@ VOLUMES = {
 # Chords of an angle t = 2 pi / 32 reduce the area of a circle by a fraction t^2 / 6, and the radius
 # along the meridians of a ball by t^2 / 12 on average, its volume by three times that.
 ROUND = (2.0 * np.pi / 32) ** 2 * (1 / 6 + 3 / 12)
+WHITE = '<material name="white"><color rgba="1 1 1 1"/></material>'
 ORIGIN = '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'
 
 
@@ -107,6 +108,47 @@ def test_visual_geometry_is_preferred_to_collision_geometry() -> None:
     hidden = drawn("three", SHAPES["sphere"], tag="collision")
     mesh = of_link("three", go.load_model(hidden, hand="grip"))
     assert volume(mesh) == pytest.approx(VOLUMES["sphere"], rel=ROUND)
+
+
+def test_parts_of_a_collada_file_have_the_colours_of_their_materials(tmp_path: Path) -> None:
+    paints = {"red": "1 0 0 1", "blue": "0 0 1 1"}
+    effects = "".join(
+        f'<effect id="{name}-fx"><profile_COMMON><technique sid="t"><lambert><diffuse>'
+        f"<color>{value}</color></diffuse></lambert></technique></profile_COMMON></effect>"
+        for name, value in paints.items()
+    )
+    materials, bound, groups = (
+        "".join(text.format(name) for name in paints)
+        for text in (
+            '<material id="{0}-m"><instance_effect url="#{0}-fx"/></material>',
+            '<instance_material symbol="{0}" target="#{0}-m"/>',
+            '<triangles material="{0}" count="2"><input semantic="VERTEX" source="#v" offset="0"/>'
+            "<p>0 1 2 0 2 3</p></triangles>",
+        )
+    )
+    groups = groups.replace("0 1 2 0 2 3", "4 5 6 4 6 7", 1)  # the first, red, is above
+    corners = [f"{x} {y} {z}" for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    (tmp_path / "two.dae").write_text(
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        f"<asset><up_axis>Z_UP</up_axis></asset><library_effects>{effects}</library_effects>"
+        f"<library_materials>{materials}</library_materials><library_geometries>"
+        '<geometry id="g"><mesh><source id="s"><float_array id="a" count="24">'
+        f'{" ".join(corners)}</float_array><technique_common><accessor source="#a" count="8" '
+        'stride="3"><param name="X" type="float"/><param name="Y" type="float"/>'
+        '<param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">'
+        f'<input semantic="POSITION" source="#s"/></vertices>{groups}</mesh></geometry>'
+        '</library_geometries><library_visual_scenes><visual_scene id="all"><node id="n">'
+        '<instance_geometry url="#g"><bind_material><technique_common>'
+        f"{bound}</technique_common></bind_material></instance_geometry></node></visual_scene>"
+        '</library_visual_scenes><scene><instance_visual_scene url="#all"/></scene></COLLADA>'
+    )
+    shown = drawn("three", f'<mesh filename="{tmp_path / "two.dae"}"/>').replace(ORIGIN, "")
+    parts = [m for m in meshes(go.load_model(shown, hand="grip")) if m.link == "three"]
+    heights = {mesh.colour: np.unique(mesh.vertices[:, 2].round(6)).tolist() for mesh in parts}
+    assert heights == {(1.0, 0.0, 0.0): [1.0], (0.0, 0.0, 1.0): [0.0]}
+    painted = drawn("three", f'<mesh filename="{tmp_path / "two.dae"}"/>', material=WHITE)
+    parts = [m for m in meshes(go.load_model(painted, hand="grip")) if m.link == "three"]
+    assert {mesh.colour for mesh in parts} == {(1.0, 1.0, 1.0)}  # the URDF comes first
 
 
 def test_unreadable_visual_geometry_is_replaced_by_capsules() -> None:
@@ -231,7 +273,8 @@ def test_a_robots_own_meshes() -> None:
     whole = {}
     for shape, place, link in model.shapes.visual():
         whole[link] = np.array(shape.geometry.vertices()) @ place.rotation.T + place.translation
-    for mesh in found:
+    for link in {mesh.link for mesh in found}:  # of one or more colours
+        vertices = np.concatenate([mesh.vertices for mesh in found if mesh.link == link])
         for side in (np.min, np.max):
-            moved = side(mesh.vertices, axis=0) - side(whole[mesh.link], axis=0)
+            moved = side(vertices, axis=0) - side(whole[link], axis=0)
             assert np.abs(moved).max() < 0.005

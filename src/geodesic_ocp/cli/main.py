@@ -40,7 +40,7 @@ _COMMANDS = {
         "check_trajectory:check_trajectory",
         "Check that a robot can execute a trajectory.",
     ),
-    "models": ("info:models", "List the available models and back ends."),
+    "models": ("info:models", "List the available models and back ends, or describe one."),
     "info": ("info:info", "Show versions, compilers and settings; clear the cache."),
 }
 

@@ -34,9 +34,8 @@ from geodesic_ocp.drawing.scene import Playback
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, Sides, trunk
 from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.formats.description import read_file
-from geodesic_ocp.model.formats.load_model import last_link, load_model
-from geodesic_ocp.model.formats.robots import ROBOTS, folder, locate
+from geodesic_ocp.model.formats.load_model import default_hand, load_model
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body, stature
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.load_solution import load_solution
@@ -119,11 +118,8 @@ class Shown:
         """Return a robot by name or file, with the last link as the hand if none is given."""
         hand = self.hand
         with printed_warnings():
-            if hand is None and name not in ROBOTS:
-                file = Path(name) if Path(name).is_file() else locate(name)
-                if file is not None:
-                    hand = last_link(read_file(file, None, None))
-                    print(f"note: {name}: the hand is {hand!r}; --hand FRAME chooses another")
+            if hand is None and (hand := default_hand(name)) is not None:
+                print(f"note: {name}: the hand is {hand!r}; --hand FRAME chooses another")
             return load_model(name, hand=hand, base=self.base)
 
     # Recordings

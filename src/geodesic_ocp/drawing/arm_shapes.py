@@ -16,6 +16,7 @@ from geodesic_ocp.drawing.actors import Actor, extreme_points, model_actor, rest
 from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.drawing.raster import outlines
 from geodesic_ocp.drawing.styles import NEUTRAL, ROLES, mixed
+from geodesic_ocp.model.anthropometry import person_arms
 from geodesic_ocp.model.distances import NearestPoints, nearest_points
 from geodesic_ocp.model.look import Colour, Indices
 from geodesic_ocp.model.model import Model
@@ -106,6 +107,11 @@ class Postures(ShortRepr):
         joints = [each[:, None] for link, each in actor.positions.items() if model.moves(link)]
         actors = (actor, *rest_of_person(model))
         return cls(model, actors, np.concatenate([*joints, hands], axis=1), hands)
+
+    @property
+    def forward(self) -> int:
+        """The axis along which the model faces: y of a person, x of a robot (REP 103 of ROS)."""
+        return 1 if person_arms(self.model) else 0
 
     @cached_property
     def links(self) -> tuple[tuple[Actor, str, bool, Array, Indices], ...]:
@@ -200,6 +206,17 @@ def draw_obstacle(
     """Draw the outline of a stationary obstacle, projected along the third axis.
 
     A half-space whose boundary is not seen edge-on is omitted: it would fill the figure.
+
+    >>> from matplotlib.figure import Figure
+    >>> import geodesic_ocp as go
+    >>> axes = Figure().add_subplot()
+    >>> go.drawing.draw_obstacle(axes, go.Ball(centre=(0.0, 0.0, 0.0), radius=0.1), (0, 1))
+
+    Args:
+        axes: to draw in.
+        obstacle: ball, capsule, box or half-space.
+        columns: indices of the axes of space to the right and up in the figure.
+        label: for the legend; None: none.
     """
     from matplotlib.patches import Polygon
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 _GAP = 0.18  # between figures and between views, of the largest extent
 _SCALES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # [m]
 _SHORT = 0.15  # of an axis that is not named, as it is seen nearly end-on
+_NEARBY = 0.4  # of the length of axes: nearer tips have one label
 _NOTE: dict[str, Any] = {"color": "0.45", "fontsize": "small"}  # read on black, too
 _PATH: dict[str, Any] = {"linewidth": 0.9, "zorder": 4.0}
 _OUTLINE: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (3.0, 1.2)), "zorder": 3.0}
@@ -72,12 +73,18 @@ def draw_scale(axes: Axes, x: float, y: float, height: float) -> None:
 
 def draw_axes_of_space(axes: Axes, view: Camera, origin: Array, length: float) -> None:
     """Draw the axes x, y and z [m] from a point (2,) of the figure."""
-    tips = length * view.plane(np.eye(3))
-    for name, tip in zip("xyz", tips, strict=True):
-        axes.plot(*np.array([origin, origin + tip]).T, color="0.45", linewidth=1.0)
-        if np.linalg.norm(tip) > _SHORT * length:
-            x, y = origin + 1.35 * tip
-            axes.text(x, y, name, ha="center", va="center", **_NOTE)
+    named: list[tuple[Array, str]] = []
+    for name, tip in zip("xyz", length * view.plane(np.eye(3)), strict=True):
+        line = np.array([origin, origin + tip]).T
+        axes.plot(*line, color="0.45", linewidth=1.0, clip_on=False)
+        near = [k for k, (at, _) in enumerate(named) if np.linalg.norm(at - tip) < _NEARBY * length]
+        if near:  # two axes that look alike have one label
+            named[near[0]] = (named[near[0]][0], f"{named[near[0]][1]}, {name}")
+        elif np.linalg.norm(tip) > _SHORT * length:
+            named.append((tip, name))
+    for tip, name in named:
+        x, y = origin + 1.35 * tip
+        axes.text(x, y, name, ha="center", va="center", **_NOTE)
 
 
 def strip_instants(segments: Sequence[tuple[int, int]], count: int) -> list[int]:
@@ -142,7 +149,8 @@ def draw_arm_strip(
                 axes.plot(*view.plane(targets[column]) + shift, "+", **_TARGET)
         if len(views) > 1:
             middle = (-0.5 * pitch, top - 0.5 * height)
-            axes.text(*middle, view.name, **_NOTE, rotation=90, ha="right", va="center")
+            side = view.side(arms[0].postures.forward)
+            axes.text(*middle, side, **_NOTE, rotation=90, ha="right", va="center")
         if view.axis is None:
             corner = np.array([-0.5 * pitch, top - height])
             draw_axes_of_space(axes, view, corner, 0.14 * max(height, width))
@@ -347,7 +355,11 @@ def draw_path_arms(
     if view is not None:
         texts = [text.removeprefix("s = ") for text in texts]
         draw_overlay(axes, view, postures, texts, obstacles=obstacles, path=ways[0])
-        axes.set_title(f"{model.name} at values of s, {view.name}", **_TITLE, parse_math=False)
+        axes.set_title(
+            f"{model.name} at values of s, {view.side(postures.forward)}",
+            **_TITLE,
+            parse_math=False,
+        )
         return
     lines = None if near is None else gap_directions(near)
     view = best_view(postures, np.concatenate(ways), obstacles, lines, closest)
@@ -360,7 +372,7 @@ def draw_path_arms(
         close.set_xlabel("dashed: collision bodies", color="0.45", fontsize="small")
     elif close is not None:
         close.remove()
-    title = f"{model.name} along the path, {view.name}"
+    title = f"{model.name} along the path, {view.side(postures.forward)}"
     arms = [StripArm(postures)]
     draw_arm_strip(axes, [view], texts, arms, obstacles=obstacles, paths=ways, title=title)
 

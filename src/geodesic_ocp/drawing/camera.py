@@ -15,6 +15,12 @@ _DISTANCE = 4.5  # from the middle of a scene, relative to its radius
 _MARGIN = 0.06  # free at each edge, relative to the smaller side of the picture
 NEAR = 1e-2  # [m], least distance that is drawn
 _ALONG = 1e-9
+_RAISED = 0.17  # about 10 degrees
+# Every 45 degrees, counterclockwise as seen from above.
+_SIDES = (
+    *("front", "front left", "left", "back left"),
+    *("back", "back right", "right", "front right"),
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,7 +42,7 @@ class Camera:
     shape: tuple[int, int] = (0, 0)
 
     def __repr__(self) -> str:
-        return f"Camera({self.name})"
+        return f"Camera(towards={self.towards.tolist()})"
 
     @classmethod
     def of_axes(cls, columns: tuple[int, int]) -> Camera:
@@ -64,18 +70,14 @@ class Camera:
         along = np.abs(self.towards) > 1.0 - _ALONG
         return int(np.argmax(along)) if np.any(along) else None
 
-    @property
-    def name(self) -> str:
-        """The direction of view, in words."""
-        if self.axis is not None:
-            if self.axis == 2 and self.towards[2] > 0.0:
-                return "seen from above"
-            sign = "\u2212" if self.towards[self.axis] > 0.0 else ""
-            return f"seen along {sign}{'xyz'[self.axis]}"
+    def side(self, forward: int) -> str:
+        """Say from which side something that faces along an axis x (0) or y (1) is seen."""
         x, y, z = self.towards
-        azimuth = f"{np.rad2deg(np.arctan2(y, x)):.0f}°".replace("-", "\u2212")
-        above = f", {np.rad2deg(np.arcsin(z)):.0f}° above" if abs(z) > _ALONG else ""
-        return f"seen from azimuth {azimuth}{above}"
+        if self.axis == 2:
+            return "seen from above" if z > 0.0 else "seen from below"
+        turn = np.rad2deg(np.arctan2(y, x)) - 90.0 * forward
+        side = _SIDES[round(turn / 45.0) % len(_SIDES)]
+        return f"seen from the {side}{' and above' if z > _RAISED else ''}"
 
     def plane(self, points: ArrayLike) -> Array:
         """Return points (..., 3) [m] in the plane of the picture, (..., 2): to the right and up.

@@ -22,7 +22,7 @@ from geodesic_ocp.drawing.actors import Actor
 from geodesic_ocp.drawing.camera import first_view
 from geodesic_ocp.drawing.panes import TINT
 from geodesic_ocp.drawing.plots import draw_plot
-from geodesic_ocp.drawing.rendering import smooth_surface
+from geodesic_ocp.drawing.rendering import creased
 from geodesic_ocp.drawing.scene import PARAMETER, Playback, Plot, Scene, Trail, plain_text
 from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed
 from geodesic_ocp.model.look import Mesh
@@ -224,7 +224,7 @@ def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str
     key = (np.asarray(vertices, dtype=float).tobytes(), corners.tobytes())
     if key not in shapes:
         shapes[key] = len(bodies)
-        points, _, faces = smooth_surface(np.asarray(vertices), np.asarray(triangles), len(corners))
+        points, _, faces = creased(np.asarray(vertices), np.asarray(triangles))
         corners = np.ascontiguousarray(faces, dtype="<u4" if len(points) > 2**16 else "<u2")
         bodies.append(
             {

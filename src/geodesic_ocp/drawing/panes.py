@@ -17,6 +17,7 @@ from geodesic_ocp.drawing.rendering import (
     Stroke,
     Visible,
     at,
+    creased,
     darken,
     dashes_of,
     draw_disc,
@@ -26,7 +27,6 @@ from geodesic_ocp.drawing.rendering import (
     moment,
     placed,
     shade,
-    smooth_surface,
     stroke,
     visible,
 )
@@ -34,25 +34,16 @@ from geodesic_ocp.drawing.scene import Scene, Trail
 from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed
 from geodesic_ocp.model.look import Indices
 
-_MOST = 12000  # triangles of a scene in a pane of this many pixels
-_PIXELS = 300_000
 _OVERLAY, _UNBOUNDED, _ELLIPSOID = 0.40, 0.30, 0.35  # opacities
 TINT = 0.12  # of white in the colours of bodies, so that dark ones keep their shading
 
 
-def scene_parts(scene: Scene, pixels: float = _PIXELS) -> tuple[Part, ...]:
-    """Return surfaces of the actors, obstacles and ellipsoids of a scene.
-
-    They have about 12000 triangles in a large pane, fewer in one of fewer pixels.
-    """
-    total = sum(len(mesh.triangles) for actor in scene.actors for mesh in actor.meshes)
-    most = _MOST * float(np.clip(np.sqrt(pixels / _PIXELS), 0.3, 1.0))
-    share = min(1.0, most / max(total, 1))
+def scene_parts(scene: Scene) -> tuple[Part, ...]:
+    """Return surfaces of the actors, obstacles and ellipsoids of a scene."""
     parts = []
     for actor in scene.actors:
         for mesh in (each for each in actor.meshes if len(each.triangles)):
-            count = int(share * len(mesh.triangles))
-            surface = smooth_surface(mesh.vertices, mesh.triangles, count)
+            surface = creased(mesh.vertices, mesh.triangles)
             coloured = actor.role is not None
             colour = mesh.colour if actor.role is None else mixed(ROLES[actor.role]["color"], TINT)
             alpha = _OVERLAY if actor.translucent else 1.0
@@ -60,7 +51,7 @@ def scene_parts(scene: Scene, pixels: float = _PIXELS) -> tuple[Part, ...]:
             parts.append(Part(*surface, colour, alpha, *motion, actor.translucent, coloured))
     still = np.eye(3)[None], np.zeros((1, 3))
     for solid in (each for each in scene.solids if len(each.triangles)):
-        surface = smooth_surface(solid.vertices, np.asarray(solid.triangles), _MOST)
+        surface = creased(solid.vertices, np.asarray(solid.triangles))
         alpha = _UNBOUNDED if solid.unbounded else 1.0
         parts.append(Part(*surface, mixed(SURROUNDINGS["obstacle"]), alpha, *still))
     for each in scene.ellipsoids:

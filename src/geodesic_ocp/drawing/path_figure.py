@@ -57,6 +57,7 @@ _SAMPLES = 201
 _HEIGHT = 5.2  # [inch], without arms
 _ABOVE = 0.5  # [inch], of the title of the arms
 _BALLS, _RADIUS = 7, 0.06  # unit balls along the path, and their size relative to it
+_CONSTANT = 0.02  # of the largest speed, by which one that is constant differs at most
 _REACHED = 1e-6  # of the range between two limits
 
 
@@ -70,7 +71,9 @@ def draw_path(
     links: Sequence[str] | None = None,
     arms: bool = True,
 ) -> Figure:
-    """Draw a path: coordinates and speed over s, the hand's path or that in the plane, and the arm.
+    """Draw a path: its coordinates over s, the hand's path or that in the plane, and the arm.
+
+    The speed is drawn, too, where it is not constant.
 
     Args:
         path: to be drawn.
@@ -97,8 +100,19 @@ def draw_path(
     grid = figure.add_gridspec(
         len(rows), (2 if beside else 1) + (flat or close), height_ratios=rows
     )
-    _draw_coordinates(figure.add_subplot(grid[-2, 0]), path)
-    _draw_speed(figure.add_subplot(grid[-1, 0]), path)
+    s = np.linspace(0.0, 1.0, _SAMPLES)
+    speeds = speeds_at(path.metric, path(s), path(s, 1))  # NaN where there is no metric
+    if np.ptp(speeds) > _CONSTANT * speeds.max():
+        axes = figure.add_subplot(grid[-2, 0])
+        below = figure.add_subplot(grid[-1, 0], sharex=axes)
+        below.plot(s, speeds, **OBSERVED)
+        unit = "\n[kg$^{1/2}$ m]" if isinstance(path.metric, KineticEnergy) else ""
+        below.set_ylabel(f"speed |q'|{unit}")
+        axes.tick_params(labelbottom=False)
+    else:
+        below = axes = figure.add_subplot(grid[-2:, 0])
+    _draw_coordinates(axes, path)
+    below.set_xlabel("path parameter s")
     if beside:
         axes = figure.add_subplot(grid[-2:, 1])
         if in_space:
@@ -134,7 +148,6 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
     for at_via in path.grid.via_s:
         axes.axvline(float(at_via), color="#7a7a7a", linewidth=1.0, linestyle=":")
     axes.set_ylabel(f"coordinates q{units}")
-    axes.tick_params(labelbottom=False)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
 
 
@@ -153,19 +166,6 @@ def limits_reached(path: Path, model: Model | None) -> list[list[float]]:
         ]
         for column, *limits, close in zip(path.nodes.T, model.lower, model.upper, near, strict=True)
     ]
-
-
-def _draw_speed(axes: Axes, path: Path) -> None:
-    s = np.linspace(0.0, 1.0, _SAMPLES)
-    speeds = speeds_at(path.metric, path(s), path(s, 1))  # NaN where there is no metric
-    axes.plot(s, speeds, **OBSERVED)
-    # Rounding errors would fill the panel.
-    if speeds.max() > 0.0 and np.ptp(speeds) <= 0.02 * speeds.max():
-        axes.set_ylim(0.9 * speeds.max(), 1.1 * speeds.max())
-    axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel("path parameter s")
-    unit = "\n[kg$^{1/2}$ m]" if isinstance(path.metric, KineticEnergy) else ""
-    axes.set_ylabel(f"speed |q'|{unit}")
 
 
 def _draw_plane(axes: Axes, path: Path, draw_extra: DrawExtra | None) -> None:

@@ -52,20 +52,12 @@ class Part:
         return len(self.matrices) == 1 and len(self.positions) == 1
 
 
-def smooth_surface(
-    vertices: Array, triangles: NDArray[np.int64], most: int
+def creased(
+    vertices: Array, triangles: NDArray[np.int64]
 ) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return vertices, normals and triangles of a surface of about `most` triangles, edges kept."""
-    import fast_simplification
+    """Return vertices, normals and triangles of a surface that is smooth between its edges."""
     import trimesh
 
-    if len(triangles) > most:
-        points, faces = fast_simplification.simplify(
-            np.ascontiguousarray(vertices, dtype=float),
-            np.ascontiguousarray(triangles, dtype=np.int64),
-            target_count=max(most, 12),
-        )[:2]
-        vertices, triangles = np.asarray(points, dtype=float), np.asarray(faces, dtype=np.int64)
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
     smooth = trimesh.graph.smooth_shade(mesh, angle=_CREASE, facet_minarea=None)
     return (
@@ -146,25 +138,27 @@ class Visible:
 
 
 def visible(surfaces: Surfaces, camera: Camera) -> Visible:
-    """Return the outsides of surfaces that a camera sees."""
+    """Return what a camera sees of surfaces, whatever way round the corners of triangles are:
+    files of robots are not consistent.
+    """
     pixels, depths = camera.project(surfaces.points)
-    (ax, ay), (bx, by), (cx, cy) = pixels[surfaces.triangles].transpose(1, 2, 0)
-    front = np.flatnonzero((bx - ax) * (cy - ay) < (by - ay) * (cx - ax))  # y points down
-    triangles = surfaces.triangles[front]
+    triangles = surfaces.triangles
     seen = nearest_fragments(pixels[triangles], depths[triangles], camera.shape)
     corners, weights = triangles[seen.triangles], seen.weights.astype(np.float32)
     single = surfaces.normals.astype(np.float32)
     smooth = weights[:, :1] * single[corners[:, 0]]
     for corner in (1, 2):
         smooth += weights[:, corner, None] * single[corners[:, corner]]
-    chosen = front[seen.triangles]
-    shades = lit(surfaces.colours[chosen], smooth, camera)
+    (ax, ay), (bx, by), (cx, cy) = pixels[corners].transpose(1, 2, 0)
+    smooth[(bx - ax) * (cy - ay) > (by - ay) * (cx - ax)] *= -1.0  # y points down
+    shades = lit(surfaces.colours[seen.triangles], smooth, camera)
     closeness = seen.closeness.astype(np.float32)
-    return Visible(seen.pixels, shades, closeness, surfaces.coloured[chosen])
+    return Visible(seen.pixels, shades, closeness, surfaces.coloured[seen.triangles])
 
 
 PAPER = np.array([1.0, 1.0, 1.0])
-_FLOOR, _LINES = np.array([0.945, 0.952, 0.962]), np.array([0.83, 0.85, 0.88])
+# So that a white robot is seen against them.
+_FLOOR, _LINES = np.array([0.84, 0.86, 0.885]), np.array([0.74, 0.765, 0.795])
 _CELL = 0.25  # [m], of the grid on the floor
 # Directions to the lights, to the right, up, and towards the camera.
 _KEY = np.array([-0.45, 0.70, 0.55]) / np.linalg.norm([-0.45, 0.70, 0.55])

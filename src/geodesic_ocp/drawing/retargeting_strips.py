@@ -32,11 +32,11 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
     person = Postures.of(model, recorded.q[samples])
     robot = Postures.of(arm.robot, arm.motion.q[samples])
     way = arm.robot.hand_pose(arm.motion.q)[1]
-    view = best_view(robot, way)
+    view = best_view(robot)
     walk = model.hand_pose(recorded.q)[1]
     beside = _of_person(view, arm.mapping)
     if not np.allclose(beside.axes[1], view.axes[1]):  # lying
-        beside = best_view(person, walk)
+        beside = best_view(person)
     times = [recorded.time - recorded.time[0], arm.motion.time - arm.motion.time[0]]
     labels = [[f"{each:.1f} s" for each in time[samples]] for time in times]
     return [
@@ -46,7 +46,7 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
             labels=labels[0],
             arms=[StripArm(person, "observed")],
             paths=[walk],
-            title=f"{model.name}, {beside.name}",
+            title=f"{model.name}, {beside.side(person.forward)}",
         ),
         partial(
             draw_arm_strip,
@@ -55,7 +55,7 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
             arms=[StripArm(robot, "predicted")],
             paths=[way],
             targets=arm.target_poses[1][samples],
-            title=f"{arm.name}, {view.name}; crosses: the person's hand, mapped",
+            title=f"{arm.name}, {view.side(robot.forward)}; crosses: the person's hand, mapped",
         ),
     ]
 

@@ -44,9 +44,7 @@ def frames(
         turns: turns of the camera at each instant [rad]; None: it stands still.
     """
     scenes = [scene.showing(layers) for scene in playback.scenes]
-    # About half of a frame belongs to the panes.
-    pixels = 0.5 * width**2 / len(scenes)
-    parts = [scene_parts(scene, pixels) for scene in scenes]
+    parts = [scene_parts(scene) for scene in scenes]
     points = [scene.points() for scene in scenes]
     direction = first_view(playback.azimuth, playback.elevation)
 

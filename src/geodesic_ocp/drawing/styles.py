@@ -28,16 +28,16 @@ Role: TypeAlias = Literal[
 # Dark blue and orange differ in hue and in lightness, and remain distinct in greyscale print.
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
 PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
-BASELINE: dict[str, Any] = {"color": "#4f8a2e", "linewidth": 1.5, "linestyle": (0, (1, 1))}
+BASELINE: dict[str, Any] = {"color": "#1b7837", "linewidth": 1.5, "linestyle": (0, (1, 1))}
 NEUTRAL: dict[str, Any] = {"color": "#8a9099", "linewidth": 1.3}
-# By what a line, an arm or a path shows, in figures and in scenes; several baselines differ.
+# By what a line, an arm or a path shows, in figures and in scenes; all differ to the colour-blind.
 ROLES: dict[str, dict[str, Any]] = {
     "observed": OBSERVED,
     "predicted": PREDICTED,
     "baseline": BASELINE,
     "second baseline": {"color": "#333333", "linewidth": 1.5, "linestyle": (0, (5, 2))},
-    "third baseline": {"color": "#a3478f", "linewidth": 1.5, "linestyle": (0, (6, 2, 1, 2))},
-    "fourth baseline": {"color": "#1f9aa8", "linewidth": 1.5, "linestyle": (0, (2, 2))},
+    "third baseline": {"color": "#8500b2", "linewidth": 1.5, "linestyle": (0, (6, 2, 1, 2))},
+    "fourth baseline": {"color": "#00a5e0", "linewidth": 1.5, "linestyle": (0, (2, 2))},
     "neutral": NEUTRAL,
 }
 # What is drawn around arms in three dimensions, on pages and in videos.

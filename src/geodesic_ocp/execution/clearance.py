@@ -165,6 +165,11 @@ def keep_clear(
     The capsules contain the links, so the distances are lower bounds of the exact ones, except for
     pairs with an excess (`LinkPairs.excess`), which is added to them.
 
+    >>> import geodesic_ocp as go
+    >>> arm, ball = go.human_arm(), go.Ball(centre=(0.3, 0.4, -0.1), radius=0.1)
+    >>> go.execution.keep_clear(arm, obstacles=[ball])
+    Clearance(names=<4 entries>, lower=[0.01, 0.01, 0.01, 0.01], dof=7)
+
     Args:
         arms: a model, or several.
         pairs: pairs of links, as from `link_pairs`, whose `constrained` ones are taken, or by name;

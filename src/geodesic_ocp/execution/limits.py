@@ -247,6 +247,12 @@ def within_ranges(
 ) -> Model:
     """Return the model with narrower ranges of its joints.
 
+    >>> import geodesic_ocp as go
+    >>> arm = go.human_arm()
+    >>> narrow = go.execution.within_ranges(arm, "50%")
+    >>> ((narrow.upper - narrow.lower) / (arm.upper - arm.lower)).round(6)
+    array([0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])
+
     Args:
         model: a robot arm.
         position: a share of the range about its middle, such as "90%", of all joints or by name.

@@ -103,6 +103,11 @@ def link_pairs(
     arm can reach them. For two arms of one robot file the links of one are paired with those of the
     other; for other arms only with `placements`.
 
+    >>> import geodesic_ocp as go
+    >>> body = go.human_upper_body()
+    >>> go.execution.link_pairs(body)
+    LinkPairs(constrained=<30 entries>)
+
     Args:
         arms: a model, or several.
         placements: placements of the bases of the arms, see `combine`.

@@ -166,6 +166,11 @@ def save_metric(
     Fields of an `AdjustableKineticEnergy` that were not estimated, such as the armature of the
     models, are part of it.
 
+    Args:
+        path: of the file.
+        fit: fit whose estimates are written.
+        intervals: of its parameters, as from `bootstrap_fit`.
+
     Raises:
         ValueError: such fields differ between the recordings.
         OSError: the file cannot be written.
@@ -239,6 +244,10 @@ class _MetricRecord:
 
 def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEnergy:
     """Return the metric of a model with the parameters in a JSON file (`save_metric`).
+
+    Args:
+        path: the JSON file.
+        model: model whose metric it becomes.
 
     Raises:
         RecordingError: the file is missing or not of this format, its metric is a user's own class,

@@ -41,6 +41,11 @@ def separate_fits(
 
     By the name of the recording or the subject.
 
+    Args:
+        fit: fit whose recordings, segments and parameters are used.
+        by: "recording" or "subject".
+        progress: called with the current step, the amount done, and the total.
+
     Raises:
         ValueError: by is neither "recording" nor "subject".
         NotConverged: Ipopt did not find a solution.
@@ -200,6 +205,11 @@ def leave_one_out(
 
     Errors are those of `evaluate` on all segments of the recording, of the predictions of the fit
     and of those in a constant metric: straight lines, or minimum acceleration.
+
+    Args:
+        fit: from at least two recordings.
+        by: what is left out, "recording" or "subject".
+        progress: called with the current step, the amount done, and the total.
 
     Raises:
         ValueError: fewer than two recordings or subjects.

@@ -110,6 +110,12 @@ def spline(
     them, or a bound is active, see `MotionCertificate`. This is a local minimum near `times`, with
     no interval shorter than a tenth of the mean one, or half of the shortest in `times`.
 
+    >>> import geodesic_ocp as go
+    >>> times, points = [0.0, 1.0, 2.0], [[0.0], [1.0], [0.0]]
+    >>> motion = go.spline(go.Euclidean(1), times, points, v0=[0.0], v1=[0.0])
+    >>> motion(0.5).round(3)
+    array([0.5])
+
     Args:
         metric: metric of the manifold.
         times: increasing (k,) [s], at least two.

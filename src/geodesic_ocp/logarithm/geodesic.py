@@ -91,6 +91,11 @@ def geodesic(
     >>> path.certificate.locally_shortest
     True
 
+    Args:
+        metric: metric of the manifold.
+        q0, q1: configurations (n,) [rad or m].
+        num_starts, seed, solver: see `log`.
+
     Raises:
         ValueError: wrong shapes, or numbers that are not finite.
         NotConverged: see `log`.
@@ -152,6 +157,16 @@ def geodesics(
 
 def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
     """Return the geodesic that starts at q0 (n,) with velocity v0 (n,), as a path up to Exp_q0(v0).
+
+    >>> import geodesic_ocp as go
+    >>> path = go.logarithm.geodesic_from_velocity(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
+    >>> path(0.5).round(3), round(path.length, 6)
+    (array([1.5, 2. ]), 5.0)
+
+    Args:
+        metric: metric of the manifold.
+        q0: configuration (n,) [rad or m] at the start.
+        v0: velocity (n,) there, whose length is that of the geodesic.
 
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or v0 is zero.

@@ -119,11 +119,7 @@ def log(
     The end point Exp_q0(v0) equals q1 to 1e-9 in every coordinate, with more than one start up to
     whole periods of the metric's coordinates. For k points (k, n) at either end or both: k
     velocities (k, n), found all at once where the system's compiler is GCC, in half the time; they
-    are those of single calls to 1e-10. With `throw=False` those that are not found are NaN, and a
-    warning names their rows.
-
-    `solver` is "newton", which takes milliseconds, or "ipopt", the reference; None takes the
-    environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete energy.
+    are those of single calls to 1e-10.
 
     >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
@@ -134,6 +130,17 @@ def log(
     array([ 0.035, -0.141, -0.488,  2.169,  0.438, -2.102,  0.88 ])
     >>> go.exp(metric, q0, v0).round(6)
     array([ 0.6,  0.2, -0.9,  1.4,  0.1,  0.2,  0.1])
+
+    Args:
+        metric: metric of the manifold.
+        q0, q1: configurations (n,) [rad or m], or k of them (k, n) for one or both.
+        num_starts: number of initial paths; the first is the straight line.
+        seed: seed of the random waypoints of the others.
+        solver: "newton", which takes milliseconds, or "ipopt", the reference; None takes the
+            environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete
+            energy.
+        throw: raise NotConverged; else velocities that are not found are NaN, and a warning names
+            their rows.
 
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or, with one start, a straight line

@@ -32,11 +32,9 @@ class ParametricCurve(Protocol):
 def parallel_transport(
     metric: Metric, path_or_motion: ParametricCurve, v: ArrayLike, *, tolerance: float = 1e-9
 ) -> Array:
-    """Return parallel-transport a vector v (n,) from the start of a curve to its end, (n,).
+    """Parallel-transport a vector v (n,) from the start of a curve to its end, (n,).
 
-    sum_j g_ij w'_j + sum_jk Gamma_ijk gamma'_j w_k = 0, w(0) = v. Norms and angles are preserved,
-    to `tolerance` relative to |v|. The curve is a Path, or a Motion, whose samples are interpolated
-    by a cubic spline.
+    sum_j g_ij w'_j + sum_jk Gamma_ijk gamma'_j w_k = 0, w(0) = v. Norms and angles are preserved.
 
     The velocity of a geodesic is parallel along it:
 
@@ -48,6 +46,13 @@ def parallel_transport(
     >>> transported = go.parallel_transport(metric, path, path(0.0, 1))
     >>> np.allclose(transported, path(1.0, 1), atol=1e-4)
     True
+
+    Args:
+        metric: metric of the manifold.
+        path_or_motion: the curve: a `Path`, or a `Motion`, whose samples are interpolated by a
+            cubic spline.
+        v: vector (n,) at its start.
+        tolerance: bound of the change of norms and angles, relative to |v|.
 
     Raises:
         ValueError: wrong shape, numbers that are not finite, or a curve of another dimension or
@@ -147,6 +152,22 @@ def riemann_curvature(
     <R(u, v) v, u> is positive on a sphere (do Carmo, "Riemannian Geometry" (1992), chapter 4, uses
     the opposite sign).
 
+    >>> import casadi as ca
+    >>> import geodesic_ocp as go
+    >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
+    ...     dim = 2
+    ...     def matrix(self, q):
+    ...         return 4.0 * ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
+    >>> u, v = [1.0, 0.0], [0.0, 1.0]
+    >>> area = Globe().inner([1.0, 0.0], u, u) * Globe().inner([1.0, 0.0], v, v)
+    >>> round(go.manifold.riemann_curvature(Globe(), [1.0, 0.0], u, v, v, u) / area, 12)
+    0.25
+
+    Args:
+        metric: metric of the manifold.
+        q: configuration (n,).
+        u, v, w, z: tangent vectors (n,) there.
+
     Raises:
         ValueError: wrong shapes or values, or the metric is not positive definite at q.
     """
@@ -171,6 +192,11 @@ def sectional_curvature(metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike
     >>> round(go.manifold.sectional_curvature(Globe(), [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]), 12)
     0.25
 
+    Args:
+        metric: metric of the manifold.
+        q: configuration (n,).
+        u, v: tangent vectors (n,) there that are not parallel.
+
     Raises:
         ValueError: wrong shapes or values, u and v are parallel, or the metric is not positive
             definite at q.
@@ -189,6 +215,19 @@ def scalar_curvature(metric: Metric, q: ArrayLike) -> float:
     vectors.
 
     The basis is orthonormal, so each plane counts twice; the result is 0 in one dimension.
+
+    >>> import casadi as ca
+    >>> import geodesic_ocp as go
+    >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
+    ...     dim = 2
+    ...     def matrix(self, q):
+    ...         return 4.0 * ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
+    >>> round(go.manifold.scalar_curvature(Globe(), [1.0, 0.0]), 12)
+    0.5
+
+    Args:
+        metric: metric of the manifold.
+        q: configuration (n,).
 
     Raises:
         ValueError: wrong shape or values, or the metric is not positive definite at q.

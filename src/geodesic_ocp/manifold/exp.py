@@ -34,20 +34,23 @@ _DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
 
 @over_rows
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
-    """Return Exp_q(v): the point at time 1 of the geodesic from q (n,) with initial velocity v
-    (n,).
+    """Return Exp_q(v): the point at time 1 of the geodesic from q with initial velocity v, (n,).
 
     sum_j g_ij q''_j + sum_jk Gamma_ijk q'_j q'_k = 0, q(0) = q, q'(0) = v, integrated with a method
-    of order 8 and adaptive steps. `tolerance` [rad or m] bounds the error of the end point, which
-    is estimated from a second integration with a larger tolerance.
-
-    For k points or velocities (k, n), or both, the result is (k, n).
+    of order 8 and adaptive steps. For k points or velocities the result is (k, n).
 
     >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q, v = [0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.5, 0.2, 0.0, -0.3, 0.1, 0.0, 0.0]
     >>> go.exp(metric, q, v).round(3)
     array([ 0.868,  0.31 , -0.161,  0.126, -0.015,  0.452, -0.009])
+
+    Args:
+        metric: metric of the manifold.
+        q: configuration (n,) [rad or m], or k of them (k, n).
+        v: initial velocity (n,) [rad or m per unit of time], or k of them (k, n).
+        tolerance: bound [rad or m] of the error of the end point, which is estimated from a second
+            integration with a larger tolerance.
 
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or the metric is not positive

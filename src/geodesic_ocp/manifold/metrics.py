@@ -347,6 +347,9 @@ def default_joint_inertia(model: Model) -> Array:
     >>> go.manifold.default_joint_inertia(go.human_arm(height=1.75, mass=70.0)).round(3)
     array([0.044, 0.044, 0.044, 0.044, 0.044, 0.044, 0.044])
 
+    Args:
+        model: the arm.
+
     Raises:
         ValueError: the reach is infinite, as a prismatic joint has no limits, or zero.
     """

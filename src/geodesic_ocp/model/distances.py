@@ -185,6 +185,13 @@ def clearance_constraints(
     """Return path constraints that keep a model's collision bodies apart from obstacles and each
     other.
 
+    >>> import casadi as ca
+    >>> import geodesic_ocp as go
+    >>> arm, ball = go.human_arm(), go.Ball(centre=(0.3, 0.4, -0.1), radius=0.1)
+    >>> rows = go.distances.clearance_constraints(arm, ca.SX.sym("q", arm.dof), [ball], margin=0.02)
+    >>> [name for *_, name in rows][0]
+    'right upper arm to obstacle 0'
+
     Args:
         model: model with collision bodies (`Model.bodies`).
         q: symbols of the configuration (n, 1).

@@ -123,6 +123,9 @@ def robot_armature(model: Model) -> RobotArmature:
     >>> import geodesic_ocp as go
     >>> robot_armature(go.human_arm("right", armature=0.2)).source
     'the model'
+
+    Args:
+        model: of a robot.
     """
     if model.armature.any():
         return RobotArmature(model.armature, "the model")
@@ -141,7 +144,16 @@ def robot_armature(model: Model) -> RobotArmature:
 
 
 def with_rotor_inertia(model: Model) -> Model:
-    """Get the model with the joint inertia of `robot_armature`; the same one if it has its own."""
+    """Get the model with the joint inertia of `robot_armature`; the same one if it has its own.
+
+    >>> import geodesic_ocp as go
+    >>> arm = go.human_arm(armature=0.2)
+    >>> go.model.with_rotor_inertia(arm) is arm
+    True
+
+    Args:
+        model: of a robot.
+    """
     if model.armature.any():
         return model
     values = robot_armature(model).values

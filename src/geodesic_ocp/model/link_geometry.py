@@ -33,6 +33,16 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     The volume is reduced by the Nelder-Mead simplex method from the best of six initial axes: the
     coordinate axes and the principal axes of the points.
 
+    >>> import geodesic_ocp as go
+    >>> rod = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.3], [0.01, 0.0, 0.15], [-0.01, 0.0, 0.15]]
+    >>> go.model.enclosing_capsule(rod).radius < 0.011
+    True
+
+    Args:
+        points: (k, 3) [m].
+        link: link in whose frame they are; None: a body in the base frame.
+        name: name of the capsule.
+
     Raises:
         ValueError: there are no points, they are not finite, or they all coincide.
     """

@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.model.collada import collada_parts
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
 from geodesic_ocp.model.model import Model
@@ -23,11 +24,12 @@ Colour: TypeAlias = tuple[float, float, float]
 _SIZE = 1000.0  # of the largest mesh: the thresholds of the simplification are absolute
 _APART = 4.0 * _SIZE  # between the meshes, to tell whose a vertex is
 _FIXED = 0.7  # relative size of meshes that matter less, so that their errors count for less
-# The bound of the errors grows to 1e-9 * 103^a, in squares of the unit of _SIZE: 0.34 % of it.
-_GROWTH = 5.0
+# How fast the bound of the errors grows: at 5 two of seven robots keep half as many again as are
+# wanted, at 7 their smooth parts get facets.
+_GROWTH = 6.0
 # Widths of the cells [size of the largest mesh] in which vertices become one, step by step.
 _CELLS = (0.0, 1e-3, 2e-3, 4e-3, 6e-3, 9e-3, 1.3e-2, 2e-2, 3e-2, 4.5e-2)
-_MANY = 8  # times as many triangles as wanted: the first cells would be of little use
+_MANY = 1.1  # times as many triangles as wanted
 _OF_SMALL = 0.02  # [size of the mesh], the largest of the first cells
 _SAME_PLACE = 1e-6  # [size of the mesh]
 # Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
@@ -65,21 +67,21 @@ class Mesh(ShortRepr):
 def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
     """Return the meshes with about `count` triangles together, without those that are degenerate.
 
-    Coincident vertices become one. While there are too many triangles, vertices in cells of a grid
-    become one, in ever larger cells (vertex clustering: Rossignac and Borrel, 1993), and edges are
-    collapsed where that changes any of the surfaces least (quadric error metrics: Garland and
-    Heckbert, SIGGRAPH 1997), so that flat and small parts get few triangles. Vertices remain within
-    the boxes around those that they replace. Meshes that do not matter, such as those of links that
-    do not move, may change more.
+    Coincident vertices become one. If there are too many triangles, edges are collapsed where that
+    changes any of the surfaces least (quadric error metrics: Garland and Heckbert, SIGGRAPH 1997),
+    so that flat and small parts get few of them. Where that leaves far more, as borders are kept,
+    vertices in cells of a grid become one before it, in ever larger cells (vertex clustering:
+    Rossignac and Borrel, 1993). Vertices remain within the boxes around those that they replace.
+    Meshes that do not matter, such as those of links that do not move, may change more.
     """
     largest = max((_size(mesh) for mesh in found), default=0.0)
     scales = [_SIZE / (largest or 1.0) * (1.0 if moves else _FIXED) for moves in matters]
-    result = [_welded(mesh, 0.0, largest) for mesh in found]
-    for cell in _CELLS[1 if _total(result) > _MANY * count else 0 :]:
-        if cell > 0.0 and _total(result) > count:
+    result = list(found)
+    for cell in _CELLS:
+        if cell == 0.0 or _total(result) > _MANY * count:
             result = [_welded(mesh, cell, largest) for mesh in result]
-        if _total(result) > count:
-            result = _collapsed(result, scales, count)
+            if _total(result) > count:
+                result = _collapsed(result, scales, count)
     return [mesh for mesh in result if len(mesh.triangles)]
 
 
@@ -273,8 +275,11 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
         if np.prod(shape.meshScale) < 0.0:  # a reflection reverses the orientation
             triangles = triangles[:, ::-1]
         red, green, blue = np.clip(np.asarray(shape.meshColor, dtype=float)[:3], 0.0, 1.0).tolist()
-        placed = moved((points, triangles), at_link.rotation, at_link.translation)
-        yield Mesh(link, *placed, (red, green, blue))
+        vertices, triangles = moved((points, triangles), at_link.rotation, at_link.translation)
+        given = red, green, blue
+        parts = collada_parts(shape.meshPath, triangles, len(points)) or [(triangles, given)]
+        for part, colour in parts:
+            yield Mesh(link, vertices, part, given if shape.overrideMaterial else colour)
 
 
 def body_mesh(body: Capsule | Ball | Box) -> Mesh:

@@ -18,7 +18,7 @@ from geodesic_ocp.model.look import Mesh, body_mesh, kinematic_chain, simplified
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.person_look import mirrored, person
 
-MAX_TRIANGLES = 20000  # per model, which keeps a page with four robots below a few MB
+MAX_TRIANGLES = 60000  # per model, which keeps a page with four robots below a few MB
 _known: WeakKeyDictionary[Model, tuple[Mesh, ...]] = WeakKeyDictionary()
 _TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg], of the models of people
 _WIDTHS = (0.5, 2.0)  # of the shoulders, relative to those of the table

@@ -242,6 +242,11 @@ class Certificate:
 def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
     """Return the certificate of a path between fixed ends as a geodesic of its metric.
 
+    >>> import geodesic_ocp as go
+    >>> path = go.geodesic(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
+    >>> go.certify(path).locally_shortest
+    True
+
     Args:
         path: any path; `stationary` tells whether it is a geodesic, as far as its nodes resolve it.
         velocity: the initial velocity (n,), if it is known more accurately than from the path.

@@ -68,6 +68,15 @@ class _ClassRecord:
 def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution:
     """Read a solution that `Solution.save` wrote.
 
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import geodesic_ocp as go
+    >>> problem = go.PointToPoint(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = go.solve(problem).save(Path(folder) / "solution.json")
+    ...     round(go.load_solution(file, problem).path.length, 6)
+    5.0
+
     Args:
         file: the JSON file.
         problem: the problem that was solved. None: an instance of the class of that name with the

@@ -24,6 +24,19 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
     The content of the file tells its format. Positions are converted to metres, in the axes of
     the file unless `up` is given; a marker that was not seen is NaN.
 
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import geodesic_ocp as go
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "markers.csv"
+    ...     _ = file.write_text('''# unit: m
+    ... time,RSHO_x,RSHO_y,RSHO_z
+    ... 0,0.2,0,1.4
+    ... 0.1,0.2,0,1.5''')
+    ...     markers = go.recordings.read_markers(file)
+    >>> markers.names, markers.positions.shape
+    (('RSHO',), (2, 1, 3))
+
     Args:
         path: path of the file.
         up: the axis of the file that points upwards, such as "y" or "-z"; the space is turned so

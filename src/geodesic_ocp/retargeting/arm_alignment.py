@@ -279,6 +279,17 @@ _ACROSS = 0.02  # largest cosine of the angle between two axes; smaller ones are
 def read_alignment(file: str | PathLike[str]) -> Alignment:
     """Return the alignment in a JSON file that `Alignment.save` or `geodesic-ocp align` wrote.
 
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import geodesic_ocp as go
+    >>> aligned = go.retargeting.align(go.human_arm("left"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     go.retargeting.read_alignment(aligned.save(Path(folder) / "arm.json")).side
+    'left'
+
+    Args:
+        file: path of the file.
+
     Raises:
         RecordingError: the file is missing, or of another format; a field is missing, unknown or
             malformed. Names the file and the field.

@@ -64,6 +64,14 @@ def merge_synergies(
     3. Those still shorter join their shorter neighbour, unless both neighbours are rests.
     Synergies at least as long as `merge` are never joined with each other.
 
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
+    >>> reach = np.outer(3.0 * time**2 - 2.0 * time**3, np.full(7, 0.5))
+    >>> analysis = go.analyse(arm, go.Motion(time, reach, arm.joint_names).filtered())
+    >>> [(group.start, group.stop) for group in go.retargeting.merge_synergies(analysis.synergies)]
+    [(0, 73), (73, 100)]
+
     Args:
         synergies: synergies of one arm, one after the other.
         drop, merge: lengths in the synergies' metric; by default 3 % and 15 % of the longest one.

@@ -43,6 +43,14 @@ def track_hand(
     samples, see `_track_poses`. The observed configuration of the redundant arm plays no further
     role. All hands of the model are tracked at once.
 
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
+    >>> motion = go.Motion(time, np.outer(time**2, np.full(7, 0.5)), arm.joint_names).filtered()
+    >>> tracked = go.baselines.track_hand(arm, motion)
+    >>> go.synergies.motion_errors(arm, motion, tracked).position < 1e-3
+    True
+
     Args:
         model: model whose hands track; its joints must be the motion's.
         motion: observed.

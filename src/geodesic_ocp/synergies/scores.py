@@ -85,6 +85,10 @@ def motion_errors(model: Model, observed: Motion, predicted: Motion) -> MotionEr
     >>> go.synergies.motion_errors(arm, observed, predicted)
     MotionErrors(joint=0.01, position=0.00922838, orientation=0.0395273)
 
+    Args:
+        model: model of the arm.
+        observed, predicted: motions of its joints at the same sample times.
+
     Raises:
         ValueError: a joint of the model is missing, or the two differ in their sample times.
     """

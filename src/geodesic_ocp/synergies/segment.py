@@ -508,6 +508,18 @@ def segment_zero_velocity(
     derivation of primitives for movement classification", Autonomous Robots 12, 2002). Crossings
     are located between the samples, so that the cuts hardly depend on the sampling rate.
 
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
+    >>> turns = np.outer(np.sin(2.0 * np.pi * time), np.ones(7))  # all reverse at 0.25 and 0.75 s
+    >>> go.synergies.segment_zero_velocity(go.Motion(time, turns, arm.joint_names).filtered())
+    [(0, 25), (25, 75), (75, 100)]
+
+    Args:
+        motion: with velocities.
+        joints: number of joints that must be exceeded.
+        window: time [s] within which they reverse.
+
     Returns:
         (start, stop) sample indices as from `segment`.
 

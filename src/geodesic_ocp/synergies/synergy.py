@@ -269,6 +269,20 @@ def save_synergies(
 ) -> None:
     """Write segments, paths and time laws of synergies in SI units, at full precision.
 
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
+    >>> reach = np.outer(3.0 * time**2 - 2.0 * time**3, np.full(7, 0.5))
+    >>> analysis = go.analyse(arm, go.Motion(time, reach, arm.joint_names).filtered())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "synergies.json"
+    ...     go.synergies.save_synergies(file, analysis.synergies, arm.joint_names)
+    ...     loaded = go.synergies.load_synergies(file, analysis.metric)
+    >>> len(loaded) == len(analysis.synergies)
+    True
+
     Args:
         file: to write.
         synergies: synergies of one motion.

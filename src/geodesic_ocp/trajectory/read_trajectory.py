@@ -45,6 +45,21 @@ def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
     (not-a-knot), and where it has no accelerations those of a spline through the velocities:
     noise in what is given is amplified.
 
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> rows = [[0.0, 0.0], [0.1, 9.0], [0.2, 18.0], [0.3, 27.0]]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "trajectory.csv"
+    ...     np.savetxt(file, rows, delimiter=",", header="time,a [deg]", comments="")
+    ...     trajectory = go.read_trajectory(file)
+    >>> trajectory.joint_names, trajectory.velocities.round(3).ravel().tolist()
+    (('a',), [1.571, 1.571, 1.571, 1.571])
+
+    Args:
+        file: path of the file.
+
     Raises:
         ValueError: the file is missing, or malformed; names the file, and the line or field.
     """

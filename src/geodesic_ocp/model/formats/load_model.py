@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import get_args
+from typing import cast, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -229,35 +229,27 @@ def _moving(
 
 
 def catalogue() -> Iterator[str]:
-    """List models with degrees of freedom, moving mass [kg] and reach [m], and the back ends.
-
-    Robots without a known hand frame are loaded with the last link of their longest chain.
-    """
-    with warnings.catch_warnings():
-        # Back ends that are skipped are listed below; warnings about files are for load_model.
-        warnings.simplefilter("ignore")
-        in_use = choose_backend()
-        yield "human_arm(side, height, mass), here for 1.75 m and 70 kg"
-        for side in get_args(Side):
-            yield from _with_joints(side, human_arm(side, backend=in_use))
-        installed = [name for name in ROBOTS if folder(ROBOTS[name].package) is not None]
-        if installed:
-            yield "load_model(name)"
-        for name in installed:
-            yield from _with_joints(name, load_model(name, backend=in_use))
-    if absent := [name for name in ROBOTS if name not in installed]:
-        packages = sorted({ROBOTS[name].package for name in absent})
+    """List names of models, none of which is loaded, and the back ends."""
+    in_use = choose_backend()
+    yield f"human_arm(side): {', '.join(get_args(Side))}"
+    names: dict[bool, list[str]] = {True: [], False: []}
+    for name, robot in ROBOTS.items():
+        names[folder(robot.package) is not None].append(name)
+    if names[True]:
+        yield "load_model(name)"
+        yield from _wrapped(names[True])
+    if names[False]:
+        packages = sorted({ROBOTS[name].package for name in names[False]})
         yield f"not available without {' and '.join(packages)}:"
         yield f"  {INSTALL}"
-        yield from _wrapped(absent)
-    by_name = "load_model(name, hand=...):"
-    if names := sorted(described()):
-        yield f"{by_name} {len(names)} of example-robot-data and armar, each with its longest chain"
-        for name in names:
-            yield from _longest_chain(name, in_use)
-    if names := sorted(on_demand()):
-        yield f"{by_name} {len(names)} of robot_descriptions, which downloads them on first use"
-        yield from _wrapped(names)
+        yield from _wrapped(names[False])
+    for found, origin in (
+        (described(), "example-robot-data and armar"),
+        (on_demand(), "robot_descriptions, which downloads them on first use"),
+    ):
+        if found:
+            yield f"load_model(name, hand=...): {len(found)} of {origin}"
+            yield from _wrapped(sorted(found))
     yield "load_model(file, hand=...): URDF, MJCF, MMM/Simox XML"
     yield "back ends of the symbolic mass matrix"
     for name in BACKENDS:
@@ -265,20 +257,31 @@ def catalogue() -> Iterator[str]:
         state = f"cannot be imported: {missing}" if missing else "available"
         yield f"  {name}: {'in use' if name == in_use else state}"
     yield f"the environment variable {ENVIRONMENT_VARIABLE} selects another one"
+    yield "geodesic-ocp models NAME shows the joints, mass and reach of one"
 
 
-def _summary(name: str, model: Model, more: str) -> str:
-    values = f"{model.dof:2} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    return f"  {name} {values}{more and ', '}{more}"
+def summary(name: str) -> Iterator[str]:
+    """Describe an arm of a person (its side) or a robot (a name or a file): degrees of freedom,
+    moving mass [kg], reach [m], hand and joints.
+    """
+    if name in get_args(Side):
+        model = human_arm(cast(Side, name))
+    else:
+        model = load_model(name, hand=default_hand(name))
+    values = [f"{model.dof} DoF", f"{model.mass:.2f} kg", f"reach {model.reach:.2f} m"]
+    yield f"{name}: {', '.join(filter(None, [*values, model.describe_armature()]))}"
+    yield from _wrapped(model.joint_names)
+    yield f"  hand: {', '.join(model.hands)}"
 
 
-def _with_joints(name: str, model: Model) -> Iterator[str]:
-    yield _summary(f"{name:19}", model, model.describe_armature())
-    yield from _wrapped(model.joint_names, indent="    ")
-
-
-def last_link(description: Description) -> str:
-    """Return the link moved by the most joints, none of which mimics another or is mimicked."""
+def default_hand(source: str) -> str | None:
+    """Return the link moved by the most joints, none of which mimics another or is mimicked, where
+    the name or file of a robot has no hand of its own; None otherwise.
+    """
+    file = Path(source) if Path(source).is_file() else locate(source)
+    if source in ROBOTS or file is None:
+        return None
+    description = read_file(file, None, None)
     model, mimics = description.pin, description.mimics
     coupled = {*mimics, *(mimic.leader for mimic in mimics.values())}
     links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
@@ -290,19 +293,6 @@ def last_link(description: Description) -> str:
     return str(max(links, key=joints).name)
 
 
-def _longest_chain(name: str, backend: str) -> Iterator[str]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            description = read_file(described()[name], None, None)
-            model = load_model(name, hand=last_link(description), backend=backend)
-        except ValueError as error:
-            reason = f"  {name:26} cannot be loaded: {error}"
-            yield from textwrap.wrap(reason, _WIDTH, subsequent_indent="    ")
-        else:
-            yield _summary(f"{name:26}", model, f"hand={model.hand!r}")
-
-
-def _wrapped(names: Sequence[str], indent: str = "  ") -> list[str]:
-    lines = textwrap.wrap(", ".join(names), _WIDTH - len(indent), break_on_hyphens=False)
-    return [indent + line for line in lines]
+def _wrapped(names: Sequence[str]) -> list[str]:
+    lines = textwrap.wrap(", ".join(names), _WIDTH - 2, break_on_hyphens=False)
+    return [f"  {line}" for line in lines]

@@ -263,6 +263,22 @@ def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
     Time in s, joint coordinates in rad or m, and what is known of the subject. Velocities, the
     coordinates before filtering, and the pose of the trunk are not written.
 
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
+    >>> motion = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = go.recordings.save_motion(Path(folder) / "motion.csv", motion)
+    ...     again = go.read_motion(file, joints=arm.joint_names)
+    >>> np.array_equal(again.q, motion.q)
+    True
+
+    Args:
+        path: of the file, which ends in .csv.
+        motion: motion that is written.
+
     Raises:
         ValueError: the name of the file does not end in .csv.
         OSError: the file cannot be written.

@@ -109,14 +109,14 @@ class Pane {
       light.target.position.copy(middle);
       return light;
     };
-    const key = from(-0.15, 0.5, 1.6, 0.6);
+    const key = from(-0.15, 0.5, 1.6, 0.5);
     key.castShadow = height < STEEP;
     key.shadow.mapSize.set(1024, 1024);
     key.shadow.bias = -0.0005;
     Object.assign(key.shadow.camera, { left: -far, right: far, top: far, bottom: -far, near: 0.01, far: 5 * far });
-    const fill = from(1.4, 0.3, 0.5, 0.26);
-    const back = from(-1.2, -1.0, 0.6, 0.25);
-    const sky = new THREE.HemisphereLight(0xffffff, 0xb5b0a8, 0.46);
+    const fill = from(1.4, 0.3, 0.5, 0.22);
+    const back = from(-1.2, -1.0, 0.6, 0.2);
+    const sky = new THREE.HemisphereLight(0xffffff, 0xa8a8a8, 0.42);
     sky.position.set(0, 0, 1);
     return [key, fill, back, sky].flatMap((light) => (light.target ? [light, light.target] : [light]));
   }

@@ -57,8 +57,10 @@ function colour(value) {
 }
 
 function painted(value, opacity = 1) {
+  // Triangles of robots' files are not the same way round everywhere.
+  const { DoubleSide, FrontSide, MeshLambertMaterial } = MeshCat.THREE;
   const how = { color: colour(value), opacity, transparent: opacity < 1 };
-  return new MeshCat.THREE.MeshLambertMaterial(how);
+  return new MeshLambertMaterial({ ...how, side: opacity < 1 ? FrontSide : DoubleSide });
 }
 
 // Makes a material one of a hull that encloses a surface at some distance [m].
