@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -47,6 +47,7 @@ from geodesic_ocp.synergies.synergy import (
     reconstruct,
     save_synergies,
 )
+from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
 from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -90,6 +91,7 @@ class Analysis:
         errors_unfiltered: the same against the unfiltered motion; empty if it is not known, as
             `Motion.filtered` was not used.
         not_found: methods of the comparison that have no geodesic for some segment.
+        cutting: how the motion was cut, from metric and motion; None if the segments were given.
     """
 
     model: Model
@@ -104,6 +106,7 @@ class Analysis:
     errors: Mapping[str, MotionErrors]
     errors_unfiltered: Mapping[str, MotionErrors]
     not_found: tuple[str, ...] = ()
+    cutting: Cutting | None = None
 
     def __repr__(self) -> str:
         return (
@@ -216,6 +219,29 @@ class Analysis:
     def _predicted_at_second_order(self) -> dict[str, Motion | None]:
         """Predictions that have been computed, None for what was not found."""
         return {}
+
+    def uncertainty(
+        self, replicates: int = 100, *, seed: int = 0, progress: Progress | None = None
+    ) -> Uncertainty:
+        """Return how far number, cuts and errors of the synergies vary under the recording's noise.
+
+        Args:
+            replicates: number of motions with noise of the recording's spectrum, which are filtered
+                and cut as this one; 20 to 100 ms each.
+            seed: of the noise; the same seed gives the same result.
+            progress: called with what is done, the number of replicates so far, and the total.
+
+        Raises:
+            ValueError: the motion was not filtered, so that its noise is not known, or the segments
+                were given as sample indices.
+        """
+        if self.cutting is None:
+            raise ValueError(
+                "how the segments were found is not known: give analyse a function of metric and "
+                "motion, such as segments=go.synergies.segment_developed"
+            )
+        own = self.model, self.metric, self.motion, self.segments, self.cutting
+        return bootstrap(*own, replicates=replicates, seed=seed, progress=progress)
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
@@ -330,7 +356,7 @@ def analyse(
     threshold: float = 0.6,
     *,
     metric: Metric | MetricName | None = None,
-    segments: Sequence[tuple[int, int]] | None = None,
+    segments: Sequence[tuple[int, int]] | Cutting | None = None,
     rest: float = 0.02,
     rest_duration: float = 0.1,
     min_duration: float = 0.1,
@@ -363,8 +389,9 @@ def analyse(
             default one (`default_joint_inertia`). "kinetic": the kinetic energy without joint
             inertia, also if the model has some, which is the paper's metric. "euclidean": straight
             lines. Or any metric on the model's joints, such as `KineticEnergy(model)`.
-        segments: (start, stop) sample indices from the first sample to the last, as found by
-            `segment_optimal`, in place of those that `segment` finds.
+        segments: a function of metric and motion that finds the segments in place of `segment`,
+            such as `segment_developed`; or (start, stop) sample indices from the first sample to
+            the last.
         rest, rest_duration, min_duration, hysteresis: rest, rest duration, min duration and
             hysteresis of the segmentation, see `segment`.
         progress: called with the current step, the amount done, and the total.
@@ -391,12 +418,15 @@ def analyse(
     if motion.velocity is None:
         motion = motion.filtered()
     report("cutting into segments", 0, 1)
+    cutting: Cutting | None
     if segments is None:
         rests = {"rest": rest, "rest_duration": rest_duration}
         noise = {"min_duration": min_duration, "hysteresis": hysteresis}
-        cut = segment(metric, motion, threshold, **rests, **noise)
+        cutting = partial(segment, threshold=threshold, **rests, **noise)
     else:
-        cut = as_segments(motion, segments)
+        cutting = segments if callable(segments) else None
+    given = segments if cutting is None else cutting(metric, motion)
+    cut = as_segments(motion, cast("Sequence[tuple[int, int]]", given))
     # Three of the seven joints of an arm, in proportion: of 20, three reverse at once by chance.
     reversing = min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)
     zero_velocity = segment_zero_velocity(motion, joints=reversing)
@@ -454,4 +484,5 @@ def analyse(
         errors=errors[0],
         errors_unfiltered=errors[1] if len(errors) > 1 else {},
         not_found=tuple(method for method in compared if method not in found),
+        cutting=cutting,
     )
