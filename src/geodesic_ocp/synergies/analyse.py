@@ -240,8 +240,16 @@ class Analysis:
                 "how the segments were found is not known: give analyse a function of metric and "
                 "motion, such as segments=go.synergies.segment_developed"
             )
-        own = self.model, self.metric, self.motion, self.segments, self.cutting
-        return bootstrap(*own, replicates=replicates, seed=seed, progress=progress)
+        known, key = self._uncertainties, (replicates, seed)
+        if key not in known:
+            own = self.model, self.metric, self.motion, self.segments, self.cutting
+            known[key] = bootstrap(*own, replicates=replicates, seed=seed, progress=progress)
+        return known[key]
+
+    @cached_property
+    def _uncertainties(self) -> dict[tuple[int, int], Uncertainty]:
+        """What has been computed, by number of replicates and seed."""
+        return {}
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
@@ -264,13 +272,18 @@ class Analysis:
             if method not in (*_BASELINES, *self.not_found)
         }
 
-    def plot(self, curve: Callable[[Axes], object] | None = None) -> Figure:
+    def plot(
+        self,
+        curve: Callable[[Axes], object] | None = None,
+        uncertainty: Uncertainty | None = None,
+    ) -> Figure:
         """Return the arm at some instants, errors over time on the same segments, and the hands'
         paths.
 
         Args:
             curve: draws the error against the number of synergies into a panel of its own, as
                 `MetricComparison.draw` does; None leaves it out.
+            uncertainty: tells stable cuts from doubtful ones, which are drawn so.
         """
         model, motion = self.model, self.motion
         labels = hand_labels(model.hands)
@@ -303,10 +316,14 @@ class Analysis:
             joints,
             distances,
             curve,
+            None if uncertainty is None else uncertainty.stable,
         )
+        count = str(len(self.segments))
+        if uncertainty is not None:
+            count += " ({} to {})".format(*uncertainty.count_range)
         figure.suptitle(
-            f"{model.name}: {len(self.segments)} geodesic synergies{self._by_rule},"
-            + ("\n" if several else " ")
+            f"{model.name}: {count} geodesic synergies{self._by_rule},"
+            + ("\n" if several or uncertainty is not None else " ")
             + self.metric_name.replace("^2", "²")
         )
         return figure
@@ -317,16 +334,19 @@ class Analysis:
         *,
         curve: Callable[[Axes], object] | None = None,
         effort: bool = False,
+        uncertainty: Uncertainty | None = None,
     ) -> list[FilePath]:
         """Write table and second_order (.csv, .md), figure (.png, .pdf) and synergies.json.
 
-        With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md. All are written
-        to a temporary folder first and moved together; `load_synergies` reads the last.
+        With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md, and with an
+        uncertainty cuts.csv and cuts.md. All are written to a temporary folder first and moved
+        together; `load_synergies` reads the last.
 
         Args:
             folder: is made if there is none.
             curve: curve of the figure, see `plot`.
             effort: see `second_order`.
+            uncertainty: of the cuts, see `plot`.
 
         Returns:
             The files' paths.
@@ -334,16 +354,22 @@ class Analysis:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, partial(self._write, curve, effort))
+        return write_together(folder, partial(self._write, curve, effort, uncertainty))
 
     def _write(
-        self, curve: Callable[[Axes], object] | None, effort: bool, folder: FilePath
+        self,
+        curve: Callable[[Axes], object] | None,
+        effort: bool,
+        uncertainty: Uncertainty | None,
+        folder: FilePath,
     ) -> None:
         tables = {"table": self.table(), "second_order": self.second_order(effort=effort)}
         if self.errors_unfiltered:
             tables["table_unfiltered"] = self.table(unfiltered=True)
+        if uncertainty is not None:
+            tables["cuts"] = uncertainty.table()
         save_tables(folder, tables)
-        save_figure(self.plot(curve), folder)
+        save_figure(self.plot(curve, uncertainty), folder)
         save_synergies(
             folder / "synergies.json", self.synergies, self.motion.joint_names, self.model
         )

@@ -92,7 +92,7 @@ class Uncertainty(ShortRepr):
             f"{high} synergies, joints to {joint[0]:.3f} to {joint[1]:.3f} rad, hand to "
             f"{1e3 * position[0]:.0f} to {1e3 * position[1]:.0f} mm. {int(self.stable.sum())} of "
             f"{len(self.times)} cuts are stable: they come back within {1e3 * _NEAR:.0f} ms in at "
-            f"least {_STABLE:.0%} of the replicates."
+            f"least {100.0 * _STABLE:.0f} % of the replicates."
         )
 
     def table(self) -> DataFrame:
@@ -100,7 +100,7 @@ class Uncertainty(ShortRepr):
         columns = (100.0 * self.shares, 100.0 * self.near, 1e3 * self.spreads)
         marks = np.where(self.stable, "stable", "doubtful").tolist()
         rows = zip(self.times.tolist(), *(each.tolist() for each in columns), marks, strict=True)
-        header = ("cut [s]", "within 0.1 s [%]", "within 0.03 s [%]", "spread [ms]", "")
+        header = ("cut [s]", "within 0.1 s [%]", "within 0.03 s [%]", "spread [ms]", "cut is")
         return new_table(header, list(rows), str(self))
 
     def _repr_markdown_(self) -> str:
@@ -157,7 +157,9 @@ def bootstrap(
     back = np.isfinite(found)
     often = np.maximum(back.sum(axis=0), 1)
     away = np.where(back, found - own, 0.0)
-    spreads = np.sqrt(np.maximum((away**2).sum(axis=0) / often - (away.sum(axis=0) / often) ** 2, 0))
+    spreads = np.sqrt(
+        np.maximum((away**2).sum(axis=0) / often - (away.sum(axis=0) / often) ** 2, 0)
+    )
     near = np.mean(back & (np.abs(away) <= _NEAR * (1.0 + 1e-9)), axis=0)
     return Uncertainty(len(segments), own, counts, back.mean(axis=0), near, spreads, errors)
 
