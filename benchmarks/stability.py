@@ -52,7 +52,7 @@ METHODS: dict[str, Cutting] = {
     "developed": go.synergies.segment_developed,
     **{
         f"developed-{deviation}": partial(go.synergies.segment_developed, deviation=deviation)
-        for deviation in (0.03, 0.04, 0.06, 0.08)
+        for deviation in (0.03, 0.05, 0.06, 0.08)
     },
     "by-noise": priced_by_noise,
     "optimal": partial(go.synergies.segment_optimal, error=0.016),

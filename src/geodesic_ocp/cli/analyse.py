@@ -232,6 +232,8 @@ def _summarize(
         print("No further filter: the fit to the markers has smoothed the motion.")
     else:
         print(motion.filter or "The recording is taken as it is, without a filter.")
+    if motion.outliers:
+        print(f"Outliers: {'; '.join(map(str, motion.outliers))}.")
     print(f"Metric: {analysis.metric_name}.")
     rule = "" if analysis.threshold is None else f" at a threshold of {analysis.threshold:g} rad"
     errors = analysis.errors["riemannian"]

@@ -87,7 +87,7 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
     rest_duration: float = 0.1
     min_duration: float = 0.1
     hysteresis: float = 0.1
-    deviation: float = 0.05
+    deviation: float = 0.04
     count: int | None = None
     penalty: float | None = None
     error: float | None = None

@@ -141,10 +141,10 @@ def recording_rows(
         for method in (*analysis.errors, *analysis.not_found)
     ]
     if spread is not None:
-        (low, high), errors = spread.count_range, spread.error_range("joint")
+        (low, high), (least, most) = spread.count_range, spread.error_range("joint")
         rows[0] |= {"segments_low": low, "segments_high": high}
         rows[0] |= {"stable_cuts": int(spread.stable.sum())}
-        rows[0] |= {"joint_error_low_rad": errors[0], "joint_error_high_rad": errors[1]}
+        rows[0] |= {"joint_error_low_rad": least, "joint_error_high_rad": most}
     if not second_order:
         return rows
     errors_of = partial(analysis.second_order_errors, effort=effort)

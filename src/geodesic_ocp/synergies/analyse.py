@@ -34,7 +34,7 @@ from geodesic_ocp.manifold.metrics import (
 )
 from geodesic_ocp.model.model import Model, as_model, hand_labels
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.recording import check_plausible
+from geodesic_ocp.recordings.recording import check_plausible, check_units
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
@@ -439,6 +439,9 @@ def analyse(
         name = type(motion).__name__
         raise ValueError(f"motion must be a Motion, as from go.read_motion, got {name}")
     motion = motion.select(as_model(model).joint_names)
+    if motion.velocity is None:
+        check_units(model, motion)
+        motion = motion.without_outliers()
     check_plausible(model, motion)
     metric = as_analysis_metric(metric, model)
     if motion.velocity is None:
@@ -446,9 +449,14 @@ def analyse(
     report("cutting into segments", 0, 1)
     cutting: Cutting | None
     if segments is None:
-        rests = {"rest": rest, "rest_duration": rest_duration}
-        noise = {"min_duration": min_duration, "hysteresis": hysteresis}
-        cutting = partial(segment, threshold=threshold, **rests, **noise)
+        cutting = partial(
+            segment,
+            threshold=threshold,
+            rest=rest,
+            rest_duration=rest_duration,
+            min_duration=min_duration,
+            hysteresis=hysteresis,
+        )
     else:
         cutting = segments if callable(segments) else None
     given = segments if cutting is None else cutting(metric, motion)

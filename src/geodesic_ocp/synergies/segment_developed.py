@@ -25,7 +25,7 @@ def segment_developed(
     metric: Metric,
     motion: Motion,
     *,
-    deviation: float = 0.05,
+    deviation: float = 0.04,
     rest: float = 0.02,
     rest_duration: float = 0.1,
     max_duration: float = 2.0,
