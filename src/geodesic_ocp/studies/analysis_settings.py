@@ -26,7 +26,7 @@ _WANTED = ("count", "penalty", "error")
 # Settings that apply to some kinds of segments only.
 _OF_KIND: dict[Segments, tuple[str, ...]] = {
     "online": ("threshold", "rest_speed", "rest_duration", "min_duration", "hysteresis"),
-    "developed": ("deviation", "rest_speed", "rest_duration", "max_duration"),
+    "developed": ("deviation", "rest_speed", "rest_duration", "min_duration", "max_duration"),
     "optimal": (*_WANTED, "measure", "spacing", "max_duration"),
 }
 

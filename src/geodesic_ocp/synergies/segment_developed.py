@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_not_negative, as_positive
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.synergies.segment import development, nearest_samples
 from geodesic_ocp.trajectory.motion import Motion
@@ -28,6 +28,7 @@ def segment_developed(
     deviation: float = 0.04,
     rest: float = 0.02,
     rest_duration: float = 0.1,
+    min_duration: float = 0.1,
     max_duration: float = 2.0,
 ) -> list[tuple[int, int]]:
     """Cut a whole motion where geodesics explain it best, each cut being worth its price.
@@ -58,7 +59,9 @@ def segment_developed(
         deviation: what a further cut must save: a root mean square deviation of this size over one
             second [rad s^0.5].
         rest, rest_duration: as of `segment`.
-        max_duration: max duration of a segment that is not a rest [s].
+        min_duration: min duration of a segment [s]; a rest, and a movement between two rests, may
+            be shorter.
+        max_duration: max duration of a segment that is not a rest [s], twice the shortest or more.
 
     Returns:
         (start, stop) sample indices of every segment, as from `segment`.
@@ -70,7 +73,13 @@ def segment_developed(
         IntegrationFailed: the metric is singular somewhere along the motion.
     """
     deviation = as_positive("deviation", deviation, "rad s^0.5")
-    longest = max(1, round(as_positive("max_duration", max_duration, "s") / _STEP))
+    shortest = max(1, round(as_not_negative("min_duration", min_duration, "s") / _STEP))
+    longest = round(as_positive("max_duration", max_duration, "s") / _STEP)
+    if longest < 2 * shortest:
+        raise ValueError(
+            f"max_duration must be twice min_duration or more, got {max_duration:g} and "
+            f"{min_duration:g} s"
+        )
     seen = development(metric, motion, rest, rest_duration)
     velocity = motion(seen.times, 1)
     inertia = float(np.sum(seen.speeds**2) / np.sum(velocity**2))
@@ -84,6 +93,7 @@ def segment_developed(
             columns = [np.interp(times, seen.times, column) for column in seen.points.T]
             speeds = np.interp(times, seen.times, seen.speeds)
             costs = chord_costs(np.column_stack(columns), speeds, (last - first) / steps, longest)
+            costs[:, : min(shortest, steps) - 1] = np.inf
             cuts += times[least_cost_cuts(costs, inertia * deviation**2)[1:-1]].tolist()
         cuts.append(float(last))
     return list(pairwise(nearest_samples(motion, cuts)))

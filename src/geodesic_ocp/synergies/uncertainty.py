@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_integer
-from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
@@ -44,6 +44,7 @@ class Uncertainty(ShortRepr):
 
     Attributes:
         count: number of synergies of the analysis.
+        own_errors: mean errors of the analysis (3,), as in `errors`.
         times: times of its c cuts, both ends of the motion left out (c,) [s].
         counts: number of synergies in each of r replicates (r,).
         shares: share of the replicates in which each cut comes back within 0.1 s (c,).
@@ -54,6 +55,7 @@ class Uncertainty(ShortRepr):
     """
 
     count: int
+    own_errors: Array
     times: Array
     counts: NDArray[np.int64]
     shares: Array
@@ -70,25 +72,28 @@ class Uncertainty(ShortRepr):
 
     @property
     def count_range(self) -> tuple[int, int]:
-        """Numbers of synergies between which 90 % of the replicates and the analysis lie."""
-        low, high = np.percentile(self.counts, [5.0, 95.0], method="closest_observation")
-        return min(int(low), self.count), max(int(high), self.count)
+        """Least and largest number of synergies, see `error_range`."""
+        low, high = _range(self.counts, self.count)
+        return int(np.floor(low + 0.5)), int(np.ceil(high - 0.5))
 
     def error_range(self, measure: str) -> tuple[float, float]:
-        """Return errors between which 90 % of the replicates lie: "joint" [rad], "position" [m] or
-        "orientation" [rad].
+        """Return errors between which 90 % of the replicates lie, as they are and shifted so that
+        their median is the error of the analysis: "joint" [rad], "position" [m] or "orientation"
+        [rad].
+
+        A replicate is filtered twice, so that its error may be smaller or larger as a rule.
         """
         if measure not in _MEASURES:
             raise ValueError(f"measure must be one of {', '.join(_MEASURES)}, got {measure!r}")
-        low, high = np.nanpercentile(self.errors[:, _MEASURES.index(measure)], [5.0, 95.0])
-        return float(low), float(high)
+        column = _MEASURES.index(measure)
+        return _range(self.errors[:, column], float(self.own_errors[column]))
 
     def __str__(self) -> str:
         """Return the number, the errors and the stable cuts in sentences."""
         low, high = self.count_range
         joint, position = self.error_range("joint"), self.error_range("position")
         return (
-            f"Under the recording's own noise, in 90 % of {len(self.counts)} replicates: {low} to "
+            f"Under the recording's own noise (90 % of {len(self.counts)} replicates): {low} to "
             f"{high} synergies, joints to {joint[0]:.3f} to {joint[1]:.3f} rad, hand to "
             f"{1e3 * position[0]:.0f} to {1e3 * position[1]:.0f} mm. {int(self.stable.sum())} of "
             f"{len(self.times)} cuts are stable: they come back within {1e3 * _NEAR:.0f} ms in at "
@@ -105,6 +110,13 @@ class Uncertainty(ShortRepr):
 
     def _repr_markdown_(self) -> str:
         return markdown(self.table())
+
+
+def _range(values: ArrayLike, own: float) -> tuple[float, float]:
+    """Return the 5th and 95th percentile, of the values and of those shifted to the own value."""
+    low, middle, high = np.nanpercentile(values, [5.0, 50.0, 95.0])
+    shift = own - middle
+    return float(low + min(shift, 0.0)), float(high + max(shift, 0.0))
 
 
 def bootstrap(
@@ -137,7 +149,7 @@ def bootstrap(
     noise, random = RecordingNoise.of(motion), np.random.default_rng(seed)
     report = progress or no_progress
     own = motion.time[[start for start, _ in segments[1:]]]
-    counts, errors = np.empty(replicates, dtype=np.int64), np.full((replicates, 3), np.nan)
+    counts, errors = np.empty(replicates, dtype=np.int64), np.empty((replicates, 3))
     found = np.full((replicates, own.size), np.nan)
     for number in range(replicates):
         report("drawing replicates", number, replicates)
@@ -145,14 +157,7 @@ def bootstrap(
         pairs = [(int(start), int(stop)) for start, stop in cutting(metric, noisy)]
         counts[number] = len(pairs)
         found[number] = matched(own, noisy.time[[start for start, _ in pairs[1:]]])
-        costs = SegmentCosts(metric, noisy, "joint", None)
-        costs(pairs)
-        try:
-            predicted = Motion(noisy.time, costs.predicted(pairs), noisy.joint_names)
-        except (NotConverged, IntegrationFailed):
-            continue
-        these = motion_errors(model, noisy, predicted)
-        errors[number] = [getattr(these, measure) for measure in _MEASURES]
+        errors[number] = _errors(model, metric, noisy, pairs)
     report("done", replicates, replicates)
     back = np.isfinite(found)
     often = np.maximum(back.sum(axis=0), 1)
@@ -161,7 +166,21 @@ def bootstrap(
         np.maximum((away**2).sum(axis=0) / often - (away.sum(axis=0) / often) ** 2, 0)
     )
     near = np.mean(back & (np.abs(away) <= _NEAR * (1.0 + 1e-9)), axis=0)
-    return Uncertainty(len(segments), own, counts, back.mean(axis=0), near, spreads, errors)
+    own_errors = _errors(model, metric, motion, segments)
+    shares = back.mean(axis=0)
+    return Uncertainty(len(segments), own_errors, own, counts, shares, near, spreads, errors)
+
+
+def _errors(model: Model, metric: Metric, motion: Motion, segments: Sequence[Pair]) -> Array:
+    """Return mean errors (3,) of the prediction; NaN where no geodesic was found."""
+    costs = SegmentCosts(metric, motion, "joint", None)
+    costs(segments)
+    try:
+        predicted = Motion(motion.time, costs.predicted(segments), motion.joint_names)
+    except NotConverged:
+        return np.full(len(_MEASURES), np.nan)
+    found = motion_errors(model, motion, predicted)
+    return np.array([getattr(found, measure) for measure in _MEASURES])
 
 
 def matched(cuts: Array, others: Array) -> Array:
