@@ -15,13 +15,17 @@ from geodesic_ocp.synergies.segment import development
 from geodesic_ocp.synergies.segment_developed import chord_costs, least_cost_cuts
 
 
+_LENGTH = 0.4  # sqrt(kg) m
+
+
 def along_geodesics(metric: go.KineticEnergy, count: int, seed: int) -> tuple[go.Motion, list]:
-    """Geodesics of 0.6 s between random configurations of the arm, at constant speeds."""
+    """Geodesics of 0.6 s into random directions, all as long, at one constant speed."""
     rng, model = np.random.default_rng(seed), metric.model
     middle, width = (model.lower + model.upper) / 2.0, 0.3 * (model.upper - model.lower)
     points = [middle]
     for _ in range(count):
         toward = middle + width * rng.uniform(-1.0, 1.0, middle.size) - points[-1]
+        toward *= _LENGTH / metric.norm(points[-1], toward)
         points += [*sample_geodesic(metric, points[-1], toward, np.linspace(0.0, 1.0, 61))[0][1:]]
     time = np.arange(len(points)) / 100.0
     motion = go.Motion(time, np.array(points), model.joint_names)

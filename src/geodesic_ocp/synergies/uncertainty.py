@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_integer
 from geodesic_ocp.errors import NotConverged
@@ -112,9 +112,9 @@ class Uncertainty(ShortRepr):
         return markdown(self.table())
 
 
-def _range(values: ArrayLike, own: float) -> tuple[float, float]:
+def _range(values: NDArray[np.generic], own: float) -> tuple[float, float]:
     """Return the 5th and 95th percentile, of the values and of those shifted to the own value."""
-    low, middle, high = np.nanpercentile(values, [5.0, 50.0, 95.0])
+    low, middle, high = np.nanpercentile(values.astype(float), [5.0, 50.0, 95.0])
     shift = own - middle
     return float(low + min(shift, 0.0)), float(high + max(shift, 0.0))
 
