@@ -14,7 +14,6 @@ from geodesic_ocp.manifold.exp import sample_geodesic
 from geodesic_ocp.synergies.segment import development
 from geodesic_ocp.synergies.segment_developed import chord_costs, least_cost_cuts
 
-
 _LENGTH = 0.4  # sqrt(kg) m
 
 

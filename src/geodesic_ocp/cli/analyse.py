@@ -27,7 +27,12 @@ from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.formats.delimited import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_recording import read_motion, stature_of
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import (
+    PASSIVE,
+    PASSIVE_REASON,
+    Recording,
+    range_of_motion,
+)
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
@@ -234,6 +239,8 @@ def _summarize(
         print(motion.filter or "The recording is taken as it is, without a filter.")
     if motion.outliers:
         print(f"Outliers: {'; '.join(map(str, motion.outliers))}.")
+    if range_of_motion(motion) < PASSIVE:
+        print(f"Note: {PASSIVE_REASON}; is the other arm meant (--side)?")
     print(f"Metric: {analysis.metric_name}.")
     rule = "" if analysis.threshold is None else f" at a threshold of {analysis.threshold:g} rad"
     errors = analysis.errors["riemannian"]

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.recording import range_of_motion
 from geodesic_ocp.records import replacing
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
@@ -57,6 +58,7 @@ RECORDINGS: dict[str, Kind] = {
     "samples": "integer",
     "duration_s": "number",
     "rate_hz": "number",  # mean sampling rate
+    "range_rad": "number",  # largest range of a joint's angle
     "cutoff_hz": "number",  # of the filter
     "noise_rad": "number",  # root mean square over joints
     "metric": "text",  # in which the motion is segmented and planned
@@ -101,7 +103,7 @@ TABLES: dict[str, dict[str, Kind]] = {
     "recordings": RECORDINGS,
     "synergies": SYNERGIES,
     "profiles": PROFILES,
-    # Kinds of failures: file, solver, process, same (as another), missing or error.
+    # Kinds of failures: file, solver, process, same (as another), missing, passive or error.
     "failures": {**IDENTITY, "kind": "text", "reason": "text"},
 }
 
@@ -123,6 +125,7 @@ def recording_rows(
         "samples": len(motion),
         "duration_s": motion.duration,
         "rate_hz": motion.rate,
+        "range_rad": range_of_motion(motion),
         "cutoff_hz": None if used is None else _finite(used.bandwidth),
         "noise_rad": None if used is None else _finite(float(np.sqrt(np.mean(used.noise**2)))),
         "metric": analysis.metric_name,
