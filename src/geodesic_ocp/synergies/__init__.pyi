@@ -16,3 +16,4 @@ from .synergy import Synergy as Synergy
 from .synergy import load_synergies as load_synergies
 from .synergy import reconstruct as reconstruct
 from .synergy import save_synergies as save_synergies
+from .uncertainty import Uncertainty as Uncertainty
