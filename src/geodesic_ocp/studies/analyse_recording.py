@@ -123,6 +123,7 @@ def analyse_recording(
         settings.threshold,
         metric=metric,
         segments=settings.cutting(model, progress),
+        noise=None if recording.fit is None else recording.fit.noise,
         rest=settings.rest_speed,
         rest_duration=settings.rest_duration,
         min_duration=settings.min_duration,

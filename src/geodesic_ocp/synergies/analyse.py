@@ -50,6 +50,7 @@ from geodesic_ocp.synergies.synergy import (
 from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
 from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.noise import Noise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,6 +93,7 @@ class Analysis:
             `Motion.filtered` was not used.
         not_found: methods of the comparison that have no geodesic for some segment.
         cutting: how the motion was cut, from metric and motion; None if the segments were given.
+        noise: noise of the motion; None is that of the residuals of its filter.
     """
 
     model: Model
@@ -107,6 +109,7 @@ class Analysis:
     errors_unfiltered: Mapping[str, MotionErrors]
     not_found: tuple[str, ...] = ()
     cutting: Cutting | None = None
+    noise: Noise | None = None
 
     def __repr__(self) -> str:
         return (
@@ -232,8 +235,8 @@ class Analysis:
             progress: called with what is done, the number of replicates so far, and the total.
 
         Raises:
-            ValueError: the motion was not filtered, so that its noise is not known, or the segments
-                were given as sample indices.
+            ValueError: the motion was not filtered and there is no `noise`, or the segments were
+                given as sample indices.
         """
         if self.cutting is None:
             raise ValueError(
@@ -243,7 +246,9 @@ class Analysis:
         known, key = self._uncertainties, (replicates, seed)
         if key not in known:
             own = self.model, self.metric, self.motion, self.segments, self.cutting
-            known[key] = bootstrap(*own, replicates=replicates, seed=seed, progress=progress)
+            known[key] = bootstrap(
+                *own, noise=self.noise, replicates=replicates, seed=seed, progress=progress
+            )
         return known[key]
 
     @cached_property
@@ -387,6 +392,7 @@ def analyse(
     rest_duration: float = 0.1,
     min_duration: float = 0.1,
     hysteresis: float = 0.1,
+    noise: Noise | None = None,
     progress: Progress | None = None,
 ) -> Analysis:
     """Cut a recorded motion into geodesic synergies, plan each, and compare with the baselines.
@@ -420,6 +426,8 @@ def analyse(
             the last.
         rest, rest_duration, min_duration, hysteresis: rest, rest duration, min duration and
             hysteresis of the segmentation, see `segment`.
+        noise: noise of the motion for `Analysis.uncertainty`, such as `MarkerFit.noise`; None is
+            that of the residuals of its filter.
         progress: called with the current step, the amount done, and the total.
 
     Raises:
@@ -519,4 +527,5 @@ def analyse(
         errors_unfiltered=errors[1] if len(errors) > 1 else {},
         not_found=tuple(method for method in compared if method not in found),
         cutting=cutting,
+        noise=noise,
     )

@@ -18,7 +18,7 @@ from geodesic_ocp.synergies.scores import motion_errors
 from geodesic_ocp.synergies.segment_costs import SegmentCosts
 from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.noise import RecordingNoise, surrogate
+from geodesic_ocp.trajectory.noise import Noise, RecordingNoise, surrogate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -37,10 +37,11 @@ _MEASURES = ("joint", "position", "orientation")
 class Uncertainty(ShortRepr):
     """Spread of the synergies of a recording under its own noise, from `Analysis.uncertainty`.
 
-    A replicate is the filtered motion with noise of the recording's spectrum (`RecordingNoise`),
-    filtered and cut again by the settings of the analysis (parametric bootstrap; Efron, Tibshirani,
-    "An Introduction to the Bootstrap", 1993, chapter 6). Its noise comes on top of what the filter
-    left in the recording, so that the spread is rather too large than too small.
+    A replicate is the motion with noise of the recording's spectrum (`RecordingNoise`), or with
+    errors of a fit to markers (`FitNoise`), filtered and cut again by the settings of the analysis
+    (parametric bootstrap; Efron, Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 6).
+    Its noise comes on top of what the filter left in the recording, so that the spread is rather
+    too large than too small.
 
     Attributes:
         count: number of synergies of the analysis.
@@ -126,6 +127,7 @@ def bootstrap(
     segments: Sequence[Pair],
     cutting: Cutting,
     *,
+    noise: Noise | None = None,
     replicates: int = 100,
     seed: int = 0,
     progress: Progress | None = None,
@@ -135,18 +137,20 @@ def bootstrap(
     Args:
         model: whose hand is measured.
         metric: metric of the segments.
-        motion: filtered, with the coordinates as they were recorded.
+        motion: with velocities.
         segments: (start, stop) sample indices of its own.
         cutting: cuts a replicate.
+        noise: of the motion; None: that of the residuals of its filter.
         replicates: their number.
         seed: of the noise.
         progress: called with what is done, the number of replicates so far, and the total.
 
     Raises:
-        ValueError: the motion was not filtered, or fewer than two replicates.
+        ValueError: no noise is known, or of other samples, or fewer than two replicates.
     """
     replicates = as_integer("replicates", replicates, 2)
-    noise, random = RecordingNoise.of(motion), np.random.default_rng(seed)
+    random = np.random.default_rng(seed)
+    noise = RecordingNoise.of(motion) if noise is None else noise
     report = progress or no_progress
     own = motion.time[[start for start, _ in segments[1:]]]
     counts, errors = np.empty(replicates, dtype=np.int64), np.empty((replicates, 3))

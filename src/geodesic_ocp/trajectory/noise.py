@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -40,8 +41,9 @@ class RecordingNoise:
         """
         if motion.filter is None or motion.unfiltered is None:
             raise ValueError(
-                "the noise of this motion is not known, as it was taken without a filter: its "
-                "residuals would be the noise (Motion.filtered, or without --no-filter)"
+                "the noise of this motion is not known, as it was taken without a filter, whose "
+                "residuals are the noise (Motion.filtered, or without --no-filter); of a fit to "
+                "markers give analyse its noise, noise=fit.noise"
             )
         rate, samples = motion.rate, len(motion)
         transform = np.fft.rfft(motion.unfiltered - motion.q, axis=0)
@@ -72,15 +74,30 @@ class RecordingNoise:
         return result
 
 
-def surrogate(motion: Motion, noise: RecordingNoise, random: np.random.Generator) -> Motion:
-    """Return the filtered motion with noise, filtered again as it was: with a cut-off that was
-    chosen from the noise chosen anew.
+class Noise(Protocol):
+    """Noise of the coordinates of a motion, of which one can draw."""
+
+    def draw(self, random: np.random.Generator) -> Array:
+        """Return noise (k, n) [rad or m], another at each call."""
+        ...
+
+
+def surrogate(motion: Motion, noise: Noise, random: np.random.Generator) -> Motion:
+    """Return the motion with noise, filtered again as it was: with a cut-off that was chosen from
+    the noise chosen anew, or with the velocities of a cubic spline if it had no filter.
+
+    Raises:
+        ValueError: the noise is of another number of samples or joints.
     """
-    used = motion.filter
-    assert used is not None
-    noisy = replace(
-        motion, q=motion.q + noise.draw(random), velocity=None, unfiltered=None, filter=None
-    )
+    used, drawn = motion.filter, noise.draw(random)
+    if drawn.shape != motion.q.shape:
+        raise ValueError(
+            f"the noise is of {drawn.shape} samples and joints, the motion of {motion.q.shape}: "
+            "was it resampled after it was fitted?"
+        )
+    noisy = replace(motion, q=motion.q + drawn, velocity=None, unfiltered=None, filter=None)
+    if used is None:
+        return replace(noisy, velocity=noisy(noisy.time, 1))
     if used.duration is not None:
         return noisy.filtered(round(used.duration * motion.rate), used.order)
     return noisy.filtered(cutoff=None if used.chosen else used.cutoff)
