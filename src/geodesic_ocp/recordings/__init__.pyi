@@ -7,6 +7,7 @@ from .conventions.segment_orientations import SegmentOrientations as SegmentOrie
 from .conventions.skeleton_convention import SkeletonConvention as SkeletonConvention
 from .formats.delimited import save_motion as save_motion
 from .markers.fit_markers import fit_markers as fit_markers
+from .markers.fit_noise import FitNoise as FitNoise
 from .markers.marker_fit import LostMarker as LostMarker
 from .markers.marker_fit import MarkerFit as MarkerFit
 from .markers.marker_set import MarkerSet as MarkerSet

@@ -8,15 +8,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.recordings.markers.fit_program import FitProblem
 
 _HELD = 1e8  # stiffness of a joint at its limit, relative to that of the markers [1/rad^2]
 _AT_LIMIT = 1e-4  # [rad or m]
 
 
-@dataclass(frozen=True, eq=False)
-class FitNoise:
+@dataclass(frozen=True, eq=False, repr=False)
+class FitNoise(ShortRepr):
     """Errors of fitted angles, of which each marker makes its share.
 
     The distances of a marker from its fitted places, r_m(t) without their mean, are skin that moves
