@@ -74,6 +74,49 @@ time,RSHO_x,RSHO_y,RSHO_z,RELB_x,RELB_y,RELB_z
 0.01,101,201,1401,,,
 0.02,102,202,1402,122,212,1102
 """
+VICON = """Devices
+1000
+,,Anna:Force,,
+Frame,Sub Frame,Fx,Fy,Fz
+,,N,N,N
+1,0,0.1,0.2,700
+1,1,0.1,0.2,700
+
+Trajectories
+100
+,,Anna:RSHO,,,Anna:RELB,,,*3,,
+Frame,Sub Frame,X,Y,Z,X,Y,Z,X,Y,Z
+,,mm,mm,mm,mm,mm,mm,mm,mm,mm
+1,0,100,200,1400,120,210,1100,1,2,3
+2,0,101,201,1401,,,,1,2,3
+3,0,102,202,1402,122,212,1102,,,
+"""
+QUALISYS = """NO_OF_FRAMES\t3
+NO_OF_CAMERAS\t8
+NO_OF_MARKERS\t2
+FREQUENCY\t100
+NO_OF_ANALOG\t0
+ANALOG_FREQUENCY\t0
+DESCRIPTION\t--
+TIME_STAMP\t2020-01-31, 12:00:00.000\t1234.5
+EVENT\tstart\t1\t0.01
+DATA_INCLUDED\t3D
+MARKER_NAMES\tRSHO\tRELB
+TRAJECTORY_TYPES\tMeasured\tMixed
+Frame\tTime\tRSHO X\tRSHO Y\tRSHO Z\tRELB X\tRELB Y\tRELB Z
+1\t0.00000\t100.0\t200.0\t1400.0\t120.0\t210.0\t1100.0
+2\t0.01000\t101.0\t201.0\t1401.0\t\t\t
+3\t0.02000\t102.0\t202.0\t1402.0\t122.0\t212.0\t1102.0
+"""
+BIDS = {
+    "sub-01_motion.tsv": "0.1\t10\t0\n0.2\t11\tn/a\n0.3\t12\t0\n",
+    "sub-01_motion.json": '{"SamplingFrequency": 100, "TaskName": "reach"}\n',
+    "sub-01_channels.tsv": """name\tcomponent\ttype\ttracked_point\tunits
+BPx_joint\tx\tJNTANG\ttrunk\trad
+BPz_joint\tz\tJNTANG\ttrunk\tdeg
+speed\tx\tVEL\ttrunk\tm/s
+""",
+}
 # A joint or bone, the one before it, its offset in the T pose (x to the left, y up), its AMC name.
 _BODY = (
     ("Hips", "", (0.0, 0.0, 0.0), "root"),
@@ -99,7 +142,8 @@ def bvh() -> str:
         channels = "3 Zrotation Xrotation Yrotation"
         if depth == 0:
             channels = "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
-        inner = [f"OFFSET {' '.join(map(str, offset))}", f"CHANNELS {channels}"]
+        turned = " 10 0 -20" if name == "RightHand" else ""  # in the rest pose, as SOMA has it
+        inner = [f"OFFSET {' '.join(map(str, offset))}{turned}", f"CHANNELS {channels}"]
         for child in children:
             inner += joint(child, depth + 1)
         if not children:
@@ -109,6 +153,33 @@ def bvh() -> str:
     rows = [[0.0, 90.0 + frame, 0.0] + [2.0 * frame] * 3 * len(_BODY) for frame in range(_FRAMES)]
     lines = ["HIERARCHY", *joint("Hips", 0), "MOTION", f"Frames: {_FRAMES}", "Frame Time: 0.01"]
     return "\n".join([*lines, *(" ".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def mvnx() -> str:
+    """The same body in a T pose, about to turn to the left."""
+    names = {"Hips": "Pelvis", "Spine": "L3", "Spine1": "T8", "RightArm": "RightUpperArm"}
+    lines = ['<mvnx version="4">', '<subject label="Anna" frameRate="100">', "<segments>"]
+    lines += [f'<segment label="{names.get(name, name)}"/>' for name, *_ in _BODY]
+    lines += ["</segments>", "<joints>"]
+    places: dict[str, np.ndarray] = {"": np.array([0.0, 0.0, 1.0])}
+    for name, parent, (left, up, forward), _ in _BODY:
+        places[name] = places[parent] + 0.01 * np.array([forward, left, up])
+        ends = (names.get(each, each) for each in (parent, name))
+        if parent:
+            tags = (f"<connector{k}>{end}/j</connector{k}>" for k, end in enumerate(ends, start=1))
+            lines.append(f"<joint>{''.join(tags)}</joint>")
+    lines += ["</joints>", "<frames>"]
+    for frame in range(-1, _FRAMES):
+        angle = 0.1 * max(frame, 0)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        kind = f'index="{frame}" type="normal"' if frame >= 0 else 'index="" type="identity"'
+        quaternion = f"{np.cos(angle / 2):.6f} 0 0 {np.sin(angle / 2):.6f}"
+        positions = [[*(turn @ places[name][:2]), places[name][2]] for name, *_ in _BODY]
+        numbers = " ".join(f"{value:.4f}" for value in np.ravel(positions))
+        lines += [f'<frame time="{10 * max(frame, 0)}" {kind}>']
+        lines += [f"<orientation>{' '.join([quaternion] * len(_BODY))}</orientation>"]
+        lines += [f"<position>{numbers}</position>", "</frame>"]
+    return "\n".join([*lines, "</frames>", "</subject>", "</mvnx>"]) + "\n"
 
 
 def asf() -> str:
@@ -161,6 +232,7 @@ def c3d(
     strings: dict[str, list[str]] | None = None,
     frames: int | None = None,
     analog: int = 0,
+    rotations: list[str] | None = None,
 ) -> bytes:
     """A c3d file of points (k, m, 4): coordinates, and the residual's word.
 
@@ -183,7 +255,8 @@ def c3d(
 
     count = len(points) if frames is None else frames
     chain = b""
-    for group, name in enumerate(("POINT", "ANALOG", "TRIAL"), start=1):
+    groups = ["POINT", "ANALOG", "TRIAL", *(["ROTATION"] if rotations else [])]
+    for group, name in enumerate(groups, start=1):
         head = struct.pack(f"{order}bb{len(name)}sHB", len(name), -group, name.encode(), 3, 0)
         chain += head
     for group, name, value in (
@@ -199,10 +272,14 @@ def c3d(
     rates = ((1, "RATE", 100.0), (1, "SCALE", scale), (2, "RATE", 100.0), (2, "GEN_SCALE", 1.0))
     for group, name, amount in rates:
         chain += parameter(group, name, 4, b"", floats(np.array([amount])))
-    for name, given in {"LABELS": labels, "UNITS": [unit], **(strings or {})}.items():
+    texts = {"LABELS": labels, "UNITS": [unit], **(strings or {})}
+    named = [(1, *item) for item in texts.items()]
+    if rotations:
+        named.append((4, "LABELS", rotations))
+    for group, name, given in named:
         width = max(map(len, given), default=0)
         text = "".join(each.ljust(width) for each in given).encode("latin-1")
-        chain += parameter(1, name, -1, bytes([width, len(given)]), text)
+        chain += parameter(group, name, -1, bytes([width, len(given)]), text)
     blocks = -(-(len(chain) + 6) // 512)
     section = (bytes([1, 80, blocks, number]) + chain).ljust(512 * blocks, b"\0")
     header = struct.pack(f"{order}5H", points.shape[1], analog, 1, min(count, 65535), 10)
@@ -222,17 +299,21 @@ def small_c3d() -> bytes:
 
 
 def small_recordings() -> dict[str, bytes]:
-    """A valid file by its name; motion.amc belongs to motion.asf."""
+    """A valid file by its name; motion.asf and the files sub-01 belong to one recording each."""
     texts = {
         "legacy.xml": LEGACY_MMM,
         "two.xml": MMM_2,
         "table.csv": TABLE,
         "motion.mot": OPENSIM,
         "motion.bvh": bvh(),
+        "motion.mvnx": mvnx(),
         "motion.asf": asf(),
         "motion.amc": amc(),
         "markers.trc": TRC,
         "markers.csv": MARKER_TABLE,
+        "markers_vicon.csv": VICON,
+        "markers_qualisys.tsv": QUALISYS,
+        **BIDS,
     }
     return {name: text.encode() for name, text in texts.items()} | {
         "motion.npz": smpl(),

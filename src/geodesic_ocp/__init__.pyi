@@ -20,12 +20,12 @@ from .execution.plan_trajectory import plan_trajectory as plan_trajectory
 from .fitting.fit_metric import fit_metric as fit_metric
 from .logarithm.cubics import cubic as cubic
 from .logarithm.cubics import spline as spline
+from .logarithm.distance import distance as distance
+from .logarithm.distance import frechet_mean as frechet_mean
 from .logarithm.geodesic import Geodesic as Geodesic
 from .logarithm.geodesic import geodesic as geodesic
 from .logarithm.geodesic import geodesics as geodesics
 from .logarithm.geodesic_to_pose import geodesic_to_pose as geodesic_to_pose
-from .logarithm.log import distance as distance
-from .logarithm.log import frechet_mean as frechet_mean
 from .logarithm.log import log as log
 from .manifold.connection import parallel_transport as parallel_transport
 from .manifold.exp import exp as exp

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -108,49 +107,36 @@ class Cells:
     ) -> tuple[Indices, Indices, ca.MX]:
         """Return the second derivatives by the nodes alone.
 
-        With blocks H_st of rows s and t, the block of nodes a and b is the sum over k, s <= t of
-
-            (A_sa A_tb + A_ta A_sb) (H_st + H_st')/2 + (A_sa A_tb - A_ta A_sb) (H_st - H_st')/2,
-
-        half the first term where s = t: half of the entries of symmetric and antisymmetric matrices
-        suffice.
+        With blocks H_st of rows s and t, the block of nodes a and b is the sum over k, s and t of
+        A_sa A_tb H_st, one product of dense matrices for all cells with the same rows.
         """
         (_, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape[-3:]
         first, second = np.triu_indices(nodes)  # the pairs (a, b) of a cell's nodes with a <= b
-        pairs = [(s, t) for s in range(rows) for t in range(s, rows)]
-        split, join = _halves(n, pairs, pattern)
-        half = n * (n + 1) // 2
-        parts = split @ entries
+        height = len(pattern[0])
+        place = np.full((rows * n, rows * n), height)
+        place[pattern] = place[pattern[::-1]] = np.arange(height)
+        if np.any(place == height):
+            entries = ca.vertcat(entries, ca.MX.zeros(1, entries.shape[1]))
+        height = entries.shape[0]
+        by_rows = place.reshape(rows, n, rows, n).transpose(0, 2, 3, 1)[:, :, None]  # s, t, 1, j, i
 
-        def factors(of: Array) -> tuple[Array, Array]:
-            both = {
-                (s, t): of[:, s][:, first] * of[:, t][:, second]
-                for s in range(rows)
-                for t in range(rows)
-            }
-            even = np.vstack([both[s, t] + both[t, s] * (s != t) for s, t in pairs])
-            odd = [both[p] - both[p[::-1]] for p in pairs if p[0] != p[1]]
-            return even, np.vstack([np.zeros((0, first.size)), *odd])
-
-        def added_up(parts: ca.MX, of: Array) -> ca.MX:
-            """Return the blocks of all pairs of nodes, of cells with these rows."""
-            cells, halves = parts.shape[1] // points, []
-            rows = [0, len(pairs) * half, parts.shape[0]]
-            for each, own in zip(ca.vertsplit(parts, rows), factors(of), strict=True):
-                if own.size:
-                    blocks, height = len(own) // points, each.shape[0] * points // len(own)
-                    at = np.arange(each.numel()).reshape(cells, points, blocks, height)
-                    together = _arranged(each, at.transpose(2, 1, 0, 3), len(own))
-                    back = np.arange(first.size * cells * height).reshape(first.size, cells, height)
-                    product = _product(together, own)
-                    halves.append(_arranged(product, back.transpose(1, 0, 2), first.size * cells))
-            return ca.vec(join[:, : sum(each.shape[0] for each in halves)] @ ca.vertcat(*halves))
+        def added_up(entries: ca.MX, of: Array) -> ca.MX:
+            """Return the blocks of all pairs of nodes, of cells with these rows (points, r, nodes):
+            by columns a pair, a cell, j and i.
+            """
+            column = np.arange(entries.shape[1]).reshape(-1, points).T
+            at = height * column[:, None, None, :, None, None] + by_rows
+            factors = of[:, :, None, first] * of[:, None, :, second]
+            factors = factors.reshape(-1, first.size)
+            return _product(_arranged(entries, at, len(factors)), factors)
 
         # All cells with the same rows in one product: fewer operations to build, and quicker ones.
-        every = ca.horzsplit(parts, parts.shape[1] // len(self._of_cells))
-        sums = [added_up(*each) for each in zip(every, self._of_cells, strict=True)]
-        at = self.indices[:, first][:, :, None, :], self.indices[:, second][:, :, :, None]
-        row, column = (each.ravel() for each in np.broadcast_arrays(*at))
+        alike = self.indices.reshape(len(self._of_cells), -1, nodes, n)
+        every = ca.horzsplit(entries, entries.shape[1] // len(alike))
+        sums = [ca.vec(added_up(*each)) for each in zip(every, self._of_cells, strict=True)]
+        row = alike[:, :, first].transpose(0, 2, 1, 3)[:, :, :, None, :]
+        column = alike[:, :, second].transpose(0, 2, 1, 3)[:, :, :, :, None]
+        row, column = (each.ravel() for each in np.broadcast_arrays(row, column))
         upper = np.flatnonzero(row <= column)
         return row[upper], column[upper], ca.vertcat(*sums)[upper.tolist()]
 
@@ -164,28 +150,6 @@ def _arranged(matrix: ca.MX, order: Indices, columns: int) -> ca.MX:
 def _product(matrix: ca.MX, factors: Array) -> ca.MX:
     few = np.count_nonzero(factors) < _SPARSE * factors.size
     return ca.densify(ca.mtimes(matrix, ca.sparsify(ca.DM(factors)) if few else factors, *_BLAS))
-
-
-def _halves(
-    n: int, pairs: Sequence[tuple[int, int]], pattern: tuple[Indices, Indices]
-) -> tuple[ca.DM, ca.DM]:
-    """Turn entries of H into half of (H_st + H_st')/2 and (H_st - H_st')/2, and back.
-
-    The second matrix joins the halves of a symmetric and an antisymmetric matrix to their sum, in
-    the order of columns.
-    """
-    size = n * (max(t for _, t in pairs) + 1)
-    place = np.full((size, size), len(pattern[0]))  # where there is no entry: a row of zeros
-    place[pattern] = place[pattern[::-1]] = np.arange(len(pattern[0]))
-    unit = np.vstack([np.eye(len(pattern[0])), np.zeros(len(pattern[0]))])
-    upper, strict = np.triu_indices(n), np.triu_indices(n, 1)
-    blocks = {(s, t): place[s * n : (s + 1) * n, t * n : (t + 1) * n] for s, t in pairs}
-    split = [unit[each[upper]] + unit[each.T[upper]] for each in blocks.values()]
-    split += [unit[blocks[s, t][strict]] - unit[blocks[s, t].T[strict]] for s, t in pairs if s != t]
-    entry, of_block = np.arange(n * n).reshape(n, n, order="F"), np.eye(n * n)
-    join = [np.maximum(of_block[entry[upper]], of_block[entry.T[upper]])]
-    join.append(of_block[entry[strict]] - of_block[entry.T[strict]])
-    return ca.sparsify(ca.DM(np.vstack(split) / 2.0)), ca.sparsify(ca.DM(np.vstack(join).T))
 
 
 def as_dm(matrix: Any) -> ca.DM:

@@ -144,9 +144,11 @@ def test_every_file_that_is_left_out_is_on_the_screen(
 def test_what_formats_leave_open_can_be_stated(tmp_path: Path) -> None:
     """The options of a recording's format are those of every command that reads recordings."""
     files = {"skeleton": str(tmp_path / "a.asf"), "marker_set": str(tmp_path / "set.json")}
+    files["columns"] = str(tmp_path / "columns.csv")
     for file in files.values():
         Path(file).touch()
     given = ["--convention", "isb", "--unit", "cm", "--amc-rate", "60", "--up=-y"]
+    given += ["--fill", "0.2", "--part", "3"]
     given += [f"--{name.replace('_', '-')}={file}" for name, file in files.items()]
     for command, name in (
         (["analyse", "a"], "analysis"),
@@ -157,7 +159,8 @@ def test_what_formats_leave_open_can_be_stated(tmp_path: Path) -> None:
         _, bound, _ = cli.new_app().parse_args([*command, *given])
         settings = bound.arguments[name]
         found = getattr(settings, "recording", settings).reading()
-        assert found == {"convention": "isb", "unit": "cm", "rate": 60.0, "up": "-y", **files}
+        stated = {"convention": "isb", "unit": "cm", "rate": 60.0, "up": "-y", "fill": 0.2}
+        assert found == {**stated, "part": 3, **files}
 
 
 @pytest.mark.parametrize(

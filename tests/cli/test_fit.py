@@ -43,8 +43,8 @@ def test_fit_writes_a_metric_that_analyse_takes(
     out = tmp_path / "fitted"
     assert cli.main(["fit", *map(str, files), "--leave-one-out", "--out", str(out)]) == 0
     text = capsys.readouterr().out
-    assert "2 recordings" in text
-    assert "bootstrap over 2 subjects" in text
+    assert "2 recordings of 2 people" in text
+    assert "bootstrap" not in text  # of two there is none
     assert "Ann" in text
     names = {file.name for file in out.iterdir()}
     assert {"metric.json", "figure.png", "table.csv", "by_recording.md", "profile.csv"} <= names

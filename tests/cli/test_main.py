@@ -355,7 +355,7 @@ def without_motion(rows: list[list[str]]) -> list[list[str]]:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (with_nan, "LSy_joint is nan"),
+        (with_nan, "LSy_joint is missing at"),
         (with_repeated_time, "time must increase: sample 9"),
         (without_motion, "the motion never moves"),
         (in_milliseconds, "is time in milliseconds?"),

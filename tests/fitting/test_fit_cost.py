@@ -143,7 +143,7 @@ def test_wrong_arguments(planar: go.Model) -> None:
     fit = go.fitting.fit_cost(
         recording, ("acceleration", "jerk"), metric=go.KineticEnergy, segments=[segments]
     )
-    with pytest.raises(ValueError, match="a bootstrap needs at least two segments, got 1"):
+    with pytest.raises(ValueError, match="a bootstrap needs at least three segments, got 1"):
         go.fitting.bootstrap_cost(fit)
     with pytest.raises(ValueError, match="by must be 'recording' or 'subject', got 'person'"):
         go.fitting.bootstrap_cost(fit, by="person")

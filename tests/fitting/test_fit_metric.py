@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -13,6 +14,7 @@ from fitting.synthetic import fitted, synthetic_recording
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
+from geodesic_ocp.fitting.resampling import heterogeneity
 from geodesic_ocp.tables import text
 
 TRUE = 0.05
@@ -421,3 +423,22 @@ def test_nothing_is_known_of_undetermined_parameters(noisy: list[Any]) -> None:
     # The initial values are changed by the same factor, in opposite directions.
     first, second = fit.values["joint_inertia"] / 0.03, fit.values["mass_ratio"]
     assert first * second == pytest.approx(1.0, rel=0.05)
+
+
+def test_heterogeneity_is_cochrans() -> None:
+    def fits(*values: float) -> dict[str, SimpleNamespace]:
+        kind = {"name": "armature", "at_bound": False}
+        return {
+            f"task {k}": SimpleNamespace(
+                estimates=[SimpleNamespace(value=value, standard_error=0.1 * value, **kind)]
+            )
+            for k, value in enumerate(values)
+        }
+
+    (same,) = heterogeneity(fits(0.04, 0.04, 0.04))
+    assert (same.q, same.i_squared) == pytest.approx((0.0, 0.0), abs=1e-20)
+    (apart,) = heterogeneity(fits(0.048, 0.007))
+    assert apart.q == pytest.approx((np.log(0.048 / 0.007) / 0.1) ** 2 / 2.0)
+    assert apart.p < 1e-10
+    assert apart.lowest == ("task 1", pytest.approx(0.007))
+    assert np.isnan(heterogeneity(fits(0.04))[0].p)

@@ -236,6 +236,10 @@ LABELS = ["A", "B", "C"]
         (c3d(points(), ["A", "A", "C"]), "names of markers must differ, got A twice"),
         (c3d(points(), ["*1", "*2", ""]), "none of its 3 points has a marker's label"),
         (c3d(np.zeros((5, 0, 4)), [], analog=4), "has no markers, only analog data"),
+        (
+            c3d(np.zeros((5, 0, 4)), [], analog=4, rotations=["pelvis_4X4", "r_uarm_4X4"]),
+            "has no markers, only rotations of pelvis_4X4, r_uarm_4X4, which are not read",
+        ),
         (c3d(points()[:1], LABELS), "time must be two or more"),
         (c3d(points() + np.inf, LABELS), "marker A is at [inf inf inf] at sample 0"),
     ],

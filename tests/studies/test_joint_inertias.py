@@ -57,15 +57,14 @@ def people(exponent: float, deviation: float = 0.01, **facts: str) -> StudyResul
 
 def test_an_estimate_minimizes_the_mean_of_the_recordings_squared_errors() -> None:
     """Of parabolas it is their geometric mean, as is the mean over the subjects."""
-    table = study_of(
-        ("a", "Ann", 0.02, 1.5), ("b", "Ann", 0.045, 1.5), ("c", "Bob", 0.12, 2.0)
-    ).joint_inertia()
-    np.testing.assert_allclose(table[RELATIVE], [0.03, 0.12, 0.06], rtol=0.004)  # of the fine grid
+    ann = [(name, "Ann", value, 1.5) for name, value in (("a", 0.02), ("b", 0.03), ("c", 0.045))]
+    table = study_of(*ann, ("d", "Bob", 0.12, 2.0), ("e", "Cy", 0.06, 2.0)).joint_inertia()
+    np.testing.assert_allclose(table[RELATIVE], [0.03, 0.12, 0.06, 0.06], rtol=0.004)  # fine grid
     np.testing.assert_allclose(table[ABSOLUTE].iloc[:2], [0.045, 0.24], rtol=0.004)
     np.testing.assert_allclose(table.loc["Ann", "95% low":"95% high"], [0.02, 0.045], rtol=0.004)
-    assert table["recordings"].iloc[:2].tolist() == [2, 1]
+    assert table["recordings"].iloc[:3].tolist() == [3, 1, 1]
     assert table.loc["Bob", "95% low":"95% high"].isna().all()  # one recording has no spread
-    half = scipy.stats.t.ppf(0.975, 1) * np.log(2.0)  # standard error of log 0.03 and log 0.12
+    half = scipy.stats.t.ppf(0.975, 2) * np.log(2.0) / np.sqrt(3.0)
     expected = 0.06 * np.exp([-half, half])
     np.testing.assert_allclose(table.loc["geometric mean", "95% low":"95% high"], expected, 0.02)
 

@@ -48,6 +48,17 @@ def test_intervals_are_those_of_the_t_test() -> None:
     assert found["mean"] == pytest.approx(np.mean(values))
 
 
+def test_an_interval_of_errors_needs_three_people_and_stays_above_zero() -> None:
+    values = {"a": 0.01, "b": 0.01, "c": 0.1}
+    people = [(name, name, {"riemannian": value}) for name, value in values.items()]
+    found = study_of(*people).means("joint").loc[JOINTS, OWN]
+    half = scipy.stats.t.ppf(0.975, 2) * np.std([*values.values()], ddof=1) / np.sqrt(3.0)
+    assert found["mean"] < half
+    assert (found["95% low"], found["95% high"]) == pytest.approx((0.0, 0.04 + half))
+    two = study_of(*people[:2]).means("joint")
+    assert two.loc[:, "95% low":"95% high"].isna().all(axis=None)
+
+
 def test_one_subject_has_no_spread_and_says_so() -> None:
     study = study_of(("a", "Ann", {"riemannian": 1.0, "euclidean_same_segments": 2.0}))
     mean = study.means("joint").iloc[0]

@@ -26,6 +26,24 @@ def test_synergies_are_saved_and_loaded(bundled_analysis: go.Analysis, tmp_path:
         assert (before.start, before.stop, before.length) == (after.start, after.stop, after.length)
 
 
+def test_synergies_are_a_motion_again(bundled_analysis: go.Analysis) -> None:
+    predicted = bundled_analysis.predicted
+    motion = go.synergies.motion_of_synergies(bundled_analysis.synergies, predicted.rate)
+    assert motion.joint_names == predicted.joint_names
+    np.testing.assert_allclose(motion.time, predicted.time, atol=1e-6)  # in microseconds
+    np.testing.assert_allclose(motion.q, predicted.q, atol=1e-5)
+    first, *_, last = bundled_analysis.synergies
+    with pytest.raises(ValueError, match=r"synergy 1 begins at .*, not where the one before it"):
+        go.synergies.motion_of_synergies([first, last])
+
+
+def test_tables_in_degrees(bundled_analysis: go.Analysis) -> None:
+    radians, degrees = bundled_analysis.table(), bundled_analysis.table(degrees=True)
+    assert list(degrees.columns) == [name.replace("[rad]", "[deg]") for name in radians.columns]
+    np.testing.assert_allclose(degrees["joints [deg]"], np.degrees(radians["joints [rad]"]))
+    assert degrees["hand [m]"].equals(radians["hand [m]"])
+
+
 def test_another_metric_is_noticed(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
     """Such as the kinetic energy without the joint inertia in which the synergies were found."""
     file = tmp_path / "synergies.json"

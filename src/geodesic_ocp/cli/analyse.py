@@ -24,7 +24,7 @@ from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warni
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.formats.delimited import save_motion
+from geodesic_ocp.recordings.formats.angle_tables import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_recording import read_motion, stature_of
 from geodesic_ocp.recordings.recording import (
@@ -164,7 +164,7 @@ def _read(file: Path, side: Sides, settings: AnalysisSettings) -> Recording:
 
 def _has_arm(file: Path, side: Side, settings: AnalysisSettings) -> bool:
     stated = settings.reading()
-    del stated["up"], stated["marker_set"]
+    del stated["marker_set"]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # they are printed by then

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -20,7 +20,13 @@ from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, with_parameters
-from geodesic_ocp.fitting.resampling import bootstrap_fit, separate_fits
+from geodesic_ocp.fitting.resampling import (
+    FEWEST,
+    Heterogeneity,
+    bootstrap_fit,
+    heterogeneity,
+    separate_fits,
+)
 from geodesic_ocp.fitting.resampling import leave_one_out as predicted
 from geodesic_ocp.fitting.segment_terms import Measure
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
@@ -38,6 +44,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _FEW = 10  # units of a bootstrap
+_SIGNIFICANT = 0.05  # p-value below which estimates disagree
 _FAR = 3.0  # ratio of an estimate to its initial value
 _USUAL = {
     "joint_inertia": JOINT_INERTIA,
@@ -119,8 +126,9 @@ def fit(
             progress=bar,
         )
         intervals: tuple[ConfidenceInterval, ...] = ()
-        resampled = bootstrap > 0 and units > 1
-        curves = []
+        resampled = bootstrap > 0 and units >= FEWEST
+        curves: list[ErrorProfile] = []
+        differences: list[Heterogeneity] = []
         if out or (resampled and len(parameters) == 1):
             curves = [error_profile(found, each.name, progress=bar) for each in found.estimates]
         if resampled:
@@ -128,10 +136,17 @@ def fit(
             intervals = bootstrap_fit(found, bootstrap, by=unit, curve=only, progress=bar)
         tables = {"table": found.table(intervals)}
         if len(recordings) > 1:
-            tables["by_recording"] = _by_recording(found, bar)
+            alone = separate_fits(found, progress=bar)
+            tables["by_recording"] = _by_recording(found, alone)
+            differences += heterogeneity(alone)
+            if 1 < subjects < len(recordings):
+                differences += heterogeneity(separate_fits(found, "subject", progress=bar))
         if leave_one_out:
             tables["leave_one_out"] = predicted(found, unit, progress=bar).table()
     _summarize(found, intervals, tables, unit, time.perf_counter() - start)
+    for each in differences:
+        if each.p < _SIGNIFICANT:
+            print(f"note: {_disagreement(each)}")
     if out:
         print()
         print_written(
@@ -206,11 +221,19 @@ def _optimal_segments(
     ]
 
 
-def _by_recording(fit: MetricFit, bar: Progress) -> DataFrame:
+def _disagreement(found: Heterogeneity) -> str:
+    (low, least), (high, most) = found.lowest, found.highest
+    return (
+        f"{found.count} separate estimates of {found.parameter} disagree (Cochran's Q, p = "
+        f"{found.p:.2g}; I^2 = {found.i_squared:.0%}): {least:.3g} from {low}, {most:.3g} from "
+        f"{high}; the common estimate is a mean of unlike ones"
+    )
+
+
+def _by_recording(fit: MetricFit, alone: Mapping[str, MetricFit]) -> DataFrame:
     """Return estimates from every recording alone."""
     names = (part for each in fit.estimates for part in (each.name, "standard error"))
     rows: list[tuple[str | int | float, ...]] = []
-    alone = separate_fits(fit, progress=bar)
     for (name, each), recording in zip(alone.items(), fit.recordings, strict=True):
         numbers = (
             number
@@ -231,8 +254,10 @@ def _summarize(
     seconds: float,
 ) -> None:
     count, segments = len(fit.recordings), sum(part.count for part in fit.program.parts)
+    people = len({each.subject for each in fit.recordings})
     print(
-        f"{count} recording{'s'[: count - 1]}, {segments} segments that move, "
+        f"{count} recording{'s'[: count - 1]} of {people} {'people' if people > 1 else 'person'}, "
+        f"{segments} segments that move, "
         f"{fit.outcome.iterations} iterations of Ipopt ({seconds:.1f} s in all)"
     )
     print(f"\n{text(tables['table'])}")

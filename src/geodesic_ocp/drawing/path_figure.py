@@ -11,7 +11,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.analysis_figure import widest_columns
 from geodesic_ocp.drawing.arm_strip import draw_path_arms, moves_in_plane
 from geodesic_ocp.drawing.styles import OBSERVED, PREDICTED, line_styles, new_figure
-from geodesic_ocp.manifold.metric import Metric, speeds_at
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
@@ -119,16 +119,11 @@ def draw_path(
     return figure
 
 
-def coordinate_names(metric: Metric) -> list[str]:
-    """Return names of the coordinates: those of the joints, or q[0], q[1] and so on."""
-    return list(metric.joint_names or [f"q[{index}]" for index in range(metric.dim)])
-
-
 def _draw_coordinates(axes: Axes, path: Path) -> None:
     s = np.linspace(0.0, 1.0, _SAMPLES)
     model: Model | None = getattr(path.metric, "model", None)
     units = "" if model is None else f" [{' or '.join(dict.fromkeys(model.units))}]"
-    names = coordinate_names(path.metric)
+    names = path.metric.coordinate_names
     for name, column, style in zip(names, path(s).T, line_styles(len(names)), strict=True):
         axes.plot(s, column, label=name, **style)
     axes.set_xlim(0.0, 1.0)
@@ -176,7 +171,7 @@ def _draw_speed(axes: Axes, path: Path) -> None:
 def _draw_plane(axes: Axes, path: Path, draw_extra: DrawExtra | None) -> None:
     """Draw the path of two coordinates, with unit balls of its metric."""
     way = path(np.linspace(0.0, 1.0, _SAMPLES))
-    names = coordinate_names(path.metric)
+    names = path.metric.coordinate_names
     units = getattr(getattr(path.metric, "model", None), "units", ("", ""))
     labels = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     draw_plane_path(axes, way, path.nodes[path.grid.via_nodes], (labels[0], labels[1]))

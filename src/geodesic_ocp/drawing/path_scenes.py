@@ -11,7 +11,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.model_scene import POSITIONS, joint_plots, model_scene, short_name
 from geodesic_ocp.drawing.motion_scenes import motion_playback, viewed_from
-from geodesic_ocp.drawing.path_figure import coordinate_names, limits_reached
+from geodesic_ocp.drawing.path_figure import limits_reached
 from geodesic_ocp.drawing.scene import (
     PARAMETER,
     Curve,
@@ -80,7 +80,7 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
                 outline = points[k] + circle @ axes[k][:, 1:].T
                 rings.append(Trail(UNIT_BALLS, outline, "neutral", layer=UNIT_BALLS))
     path = Trail("path", points, "observed", points, layer="path")
-    names = coordinate_names(metric)
+    names = metric.coordinate_names
     axes_note = ", ".join(f"{axis}: {name}" for axis, name in zip("xyz", names, strict=False))
     if longest > 0.0 and size > 0.0:
         axes_note += f"; {UNIT_BALLS} drawn {size / longest:.3g} times their size"
@@ -207,7 +207,7 @@ def _between_via_points(path: Path) -> dict[str, tuple[Span, ...]]:
 
 def _coordinates(path: Path, model: Model | None, s: Array, q: Array) -> tuple[Plot, ...]:
     if model is None:
-        pairs = zip(coordinate_names(path.metric), q.T, strict=True)
+        pairs = zip(path.metric.coordinate_names, q.T, strict=True)
         curves = (Curve(name, s, column) for name, column in pairs)
         return (Plot("coordinates q", tuple(curves)),)
     reached = dict(
@@ -320,7 +320,7 @@ def timed_playback(motion: TimedMotion, model: Model | None = None, *, title: st
         playback = motion_playback(sampled, shown, title=title)
     elif metric.dim <= _IN_SPACE:
         scene = coordinate_scene(metric, sampled.time, sampled.q)
-        pairs = zip(coordinate_names(metric), sampled.q.T, strict=True)
+        pairs = zip(metric.coordinate_names, sampled.q.T, strict=True)
         curves = tuple(Curve(name, sampled.time, column) for name, column in pairs)
         playback = Playback(title, (scene,), {}, (Plot("coordinates q", curves),))
     else:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from scipy.interpolate import CubicSpline
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_integer
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 _FINE = 2000  # points at which an interpolated profile is compared
 _LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
+FEWEST = 3  # units of a bootstrap: of two, there are three different resamples
 
 
 @shows_progress
@@ -48,6 +50,58 @@ def separate_fits(
         report(f"fitting each {by}", number, len(units))
         found[unit] = refit(fit, members)
     return found
+
+
+@dataclass(frozen=True)
+class Heterogeneity:
+    """Whether estimates of one parameter from separate recordings or subjects differ by more than
+    their standard errors (Cochran, Biometrics 10, 1954; Higgins et al., BMJ 327, 2003).
+
+    Attributes:
+        parameter: name of the parameter.
+        count: number of estimates that the data determine, k.
+        q: sum of the squared deviations of their logarithms from the weighted mean, in units of
+            their standard errors.
+        p: probability of a larger q if all were equal, by chi squared with k - 1 degrees of
+            freedom; NaN for fewer than two.
+        i_squared: fraction of their variance that is not of their standard errors.
+        lowest, highest: unit and estimate.
+    """
+
+    parameter: str
+    count: int
+    q: float
+    p: float
+    i_squared: float
+    lowest: tuple[str, float]
+    highest: tuple[str, float]
+
+
+def heterogeneity(fits: Mapping[str, MetricFit]) -> tuple[Heterogeneity, ...]:
+    """Return for every parameter whether separate fits (`separate_fits`) disagree.
+
+    Estimates at a bound and those that the data do not determine are left out.
+    """
+    found = []
+    names = [each.name for each in next(iter(fits.values())).estimates] if fits else []
+    for column, name in enumerate(names):
+        own = {unit: fit.estimates[column] for unit, fit in fits.items()}
+        known = {
+            unit: (each.value, each.standard_error / each.value)
+            for unit, each in own.items()
+            if not each.at_bound and 0.0 < each.standard_error < np.inf
+        }
+        if not known:
+            continue
+        values, errors = np.array(list(known.values())).T
+        weights, logs = errors**-2.0, np.log(values)
+        q = float(weights @ (logs - weights @ logs / weights.sum()) ** 2)
+        free = len(known) - 1
+        p = float(scipy.stats.chi2.sf(q, free)) if free else np.nan
+        ends = [(list(known)[int(k)], float(values[k])) for k in np.argsort(values)[[0, -1]]]
+        share = max(0.0, 1.0 - free / q) if q > 0.0 else 0.0
+        found.append(Heterogeneity(name, len(known), q, p, share, *ends))
+    return tuple(found)
 
 
 def units_of(recordings: Sequence[Recording], by: str) -> dict[str, list[int]]:
@@ -208,7 +262,7 @@ def bootstrap_fit(
         progress: called with the current step, the amount done, and the total.
 
     Raises:
-        ValueError: fewer than two units, or a number out of range.
+        ValueError: fewer than three units, or a number out of range.
     """
     units = units_of(fit.recordings, by)
     weights, tails = resampled([*units.values()], by, count, confidence, seed)
@@ -233,13 +287,13 @@ def resampled(
     and the percentiles of the interval.
 
     Raises:
-        ValueError: fewer than two units, or a number out of range.
+        ValueError: fewer than three units, or a number out of range.
     """
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
     count = as_integer("count", count, 1)
-    if len(units) < 2:
-        raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
+    if len(units) < FEWEST:
+        raise ValueError(f"a bootstrap needs at least three {by}s, got {len(units)}")
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
     weights = np.zeros((count, sum(map(len, units))))

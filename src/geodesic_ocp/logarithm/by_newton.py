@@ -325,7 +325,7 @@ def singularity_along(metric: Metric, nodes: Array) -> str:
     ratios = sizes.max(axis=0) / sizes.min(axis=0)
     if ratios.max() > _LARGE_RATIO:
         worst = int(np.argmax(ratios))
-        names = metric.joint_names or [f"q[{index}]" for index in range(metric.dim)]
+        names = metric.coordinate_names
         low, high = (finite[pick(sizes[:, worst])] for pick in (np.argmin, np.argmax))
         return (
             f"between {low} and {high} the squared length along {names[worst]} grows by "

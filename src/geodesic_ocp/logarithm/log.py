@@ -1,4 +1,4 @@
-"""The logarithmic map, the Riemannian distance and the Fréchet mean; geodesics from many starts.
+"""The logarithmic map, and geodesics from many starts.
 
 Without constraints, Newton's method on the discrete energy finds one in milliseconds (`by_newton`);
 Ipopt solves the same NLP, as reference and where there is no compiler (`by_ipopt`). The argument
@@ -17,7 +17,6 @@ import os
 from contextlib import suppress
 from functools import partial
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +31,6 @@ from geodesic_ocp.logarithm.by_newton import (
     find_by_shooting,
     find_many_by_newton,
 )
-from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.metric import Metric, as_metric, in_threads, over_rows
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -53,12 +51,6 @@ _PERTURBATION = (0.03, 0.3)  # range of a velocity's perturbation, relative to i
 _REVERSED = (0.5, 8.0)  # range of a reversed velocity's norm, relative to that of the original
 _MAX_PERIODIC = 6  # coordinates of which goals one period to either side are tried
 _EQUAL = 1e-6
-# Of the mean: logarithms are accurate to 1e-9; the condition is met relative to the points' spread.
-_TOLERANCE = 1e-8
-# Means of equal points, or nearly equal ones, are as exact as their coordinates.
-_ROUNDING = 4.0 * np.finfo(float).eps
-_MAX_STEPS = 100
-_SMALLEST_STEP = 1e-3
 _BLOCK = 64  # pairs whose geodesics are found at once
 
 
@@ -70,8 +62,10 @@ def _logs(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    throw: bool = True,
 ) -> dict[int, Array]:
     """Return velocities of `log` of those rows for which all at once find them."""
+    del throw
     if num_starts != 1 or seed != 0 or as_solver(solver) == "ipopt":
         return {}
     ends = [np.asarray(each) for each in (q0, q1)]
@@ -112,6 +106,7 @@ def log(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    throw: bool = True,
 ) -> Array:
     """Return Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
 
@@ -124,7 +119,8 @@ def log(
     The end point Exp_q0(v0) equals q1 to 1e-9 in every coordinate, with more than one start up to
     whole periods of the metric's coordinates. For k points (k, n) at either end or both: k
     velocities (k, n), found all at once where the system's compiler is GCC, in half the time; they
-    are those of single calls to 1e-10.
+    are those of single calls to 1e-10. With `throw=False` those that are not found are NaN, and a
+    warning names their rows.
 
     `solver` is "newton", which takes milliseconds, or "ipopt", the reference; None takes the
     environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete energy.
@@ -144,91 +140,8 @@ def log(
             along which the metric is not defined.
         NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
     """
+    del throw  # of `over_rows`
     return find_shortest(metric, q0, q1, num_starts, seed, solver).velocity
-
-
-def distance(
-    metric: Metric,
-    q0: ArrayLike,
-    q1: ArrayLike,
-    *,
-    num_starts: int = 1,
-    seed: int = 0,
-    solver: str | None = None,
-) -> Any:
-    """Return length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,).
-
-    >>> import geodesic_ocp as go
-    >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
-    5.0
-    """
-    velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
-    if velocity.ndim == 1:
-        return float(metric.norm(q0, velocity))
-    points = np.broadcast_to(np.asarray(q0, dtype=float), velocity.shape)
-    return np.array([metric.norm(*each) for each in zip(points, velocity, strict=True)])
-
-
-def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Return fréchet mean (n,) of k points (k, n): the x that minimizes sum_i w_i d(x, x_i)^2.
-
-    Its first-order condition is sum_i w_i Log_x(x_i) = 0 (Karcher, "Riemannian center of mass and
-    mollifier smoothing", 1977). The gradient descent along that sum starts from the mean of the
-    coordinates, and ends where the sum is at most 1e-8 of the points' spread. In a space of
-    positive curvature, points that are far apart can have several means; this is one of them.
-
-    Points are taken as they are, also where coordinates are periodic (`Metric.periods`).
-
-    >>> import geodesic_ocp as go
-    >>> metric = go.KineticEnergy(go.human_arm())
-    >>> q0, q1 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
-    >>> go.frechet_mean(metric, [q0, q1]).round(3)  # of two points: halfway along the geodesic
-    array([ 0.185,  0.102, -0.742,  1.445,  0.11 , -0.528,  0.187])
-
-    Args:
-        metric: metric of the manifold.
-        points: k points, at least one.
-        weights: k positive numbers, of which only the ratios count; None: equal weights.
-
-    Raises:
-        ValueError: wrong shapes or values, or a point where the metric is not defined.
-        NotConverged: a logarithm was not found, or the condition was not met.
-    """
-    n = as_metric(metric).dim
-    samples = real_array(points, "points")
-    if samples.ndim != 2 or samples.shape[1] != n or len(samples) == 0:
-        raise ValueError(f"points must have shape (k, {n}) with k > 0, got {samples.shape}")
-    for index, point in enumerate(samples):
-        metric.point(f"points[{index}]", point)
-    w = np.ones(len(samples)) if weights is None else real_array(weights, "weights")
-    if w.shape != (len(samples),) or not np.all(np.isfinite(w)) or np.any(w <= 0.0):
-        raise ValueError(
-            f"weights must be {len(samples)} finite numbers above zero, got {weights!r}"
-        )
-    w = w / w.sum()
-
-    x: Array = w @ samples
-    step, smallest = 1.0, np.inf
-    origin = direction = x
-    for _ in range(_MAX_STEPS):
-        logs = log(metric, x, samples)
-        gradient = w @ logs
-        spread = max(metric.norm(x, each) for each in logs)
-        size = metric.norm(x, gradient)
-        if size <= _TOLERANCE * spread or np.all(np.abs(gradient) <= _ROUNDING * np.abs(x).max()):
-            return x
-        if size < smallest:
-            smallest, origin, direction = size, x, gradient
-        else:  # a step too far: repeat it with half the size
-            step /= 2.0
-            if step < _SMALLEST_STEP:
-                break
-        x = exp(metric, origin, step * direction)
-    raise NotConverged(
-        f"no mean of {len(samples)} points was found: at {origin} the mean of their logarithms has "
-        f"norm {smallest:.1e}, the farthest point is {spread:.1e} away. They may lie too far apart "
-        "to have a mean."
-    )
 
 
 def find_shortest(

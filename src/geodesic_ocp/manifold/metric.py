@@ -14,6 +14,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar, cast
@@ -109,6 +110,11 @@ class Metric(MetricFunctions):
     # Period of every coordinate, such as 2 pi for an angle; inf if it is not periodic.
     periods: tuple[float, ...] | None = None
 
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the coordinates: those of the joints, or q[0], q[1] and so on."""
+        return self.joint_names or tuple(f"q[{index}]" for index in range(self.dim))
+
     def __repr__(self) -> str:
         return f"{type(self).__name__}(dim={self.dim})"
 
@@ -194,7 +200,7 @@ class Metric(MetricFunctions):
             return ""
         components = np.abs(vectors[:, 0])
         moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
-        names = self.joint_names or [f"q[{index}]" for index in range(self.dim)]
+        names = self.coordinate_names
         return (
             f"the metric is nearly singular at {q}, where {' and '.join(names[k] for k in moved)} "
             "are linearly dependent (kinematic singularity)"
@@ -278,16 +284,22 @@ def over_rows(function: Function, many: Callable[..., Mapping[int, Any]] | None 
     """Let a function of (metric, a, b), each (n,), also take (k, n) for one or both of them.
 
     The results are stacked along a first axis of length k. An exception names the first row that
-    fails. Where the metric has compiled code, which releases Python's lock, rows are computed by as
-    many threads as there are processors. Before that, `many`, called with k and
-    the arguments, may return the results of some rows.
+    fails; if the function has an argument `throw` and it is False, vectors that are not found are
+    NaN, and a warning names their rows. Where the metric has compiled code, which releases Python's
+    lock, rows are computed by as many threads as there are processors. Before that, `many`, called
+    with k and the arguments, may return the results of some rows.
     """
     signature = inspect.signature(function)
     of_metric, *names = list(signature.parameters)[:3]
 
     @functools.wraps(function)
     def wrapped(*positional: Any, **named: Any) -> Any:
-        if len(positional) > 2 and all(getattr(a, "ndim", 0) == 1 for a in positional[1:3]):
+        throw = named.get("throw", True)
+        if (
+            throw
+            and len(positional) > 2
+            and all(getattr(a, "ndim", 0) == 1 for a in positional[1:3])
+        ):
             return function(*positional, **named)  # the usual case, without detours
         arguments = signature.bind(*positional, **named).arguments
         try:
@@ -295,7 +307,7 @@ def over_rows(function: Function, many: Callable[..., Mapping[int, Any]] | None 
         except ValueError:  # ragged rows: the function itself names the argument
             counts = {}
         if not counts:
-            return function(**arguments)
+            return function(**arguments) if throw else _or_nan(function, arguments, names[0])
         count = max(counts.values())
         if len(set(counts.values())) > 1:
             raise ValueError(
@@ -312,14 +324,38 @@ def over_rows(function: Function, many: Callable[..., Mapping[int, Any]] | None 
         def of_row(row: int) -> Any:
             if row in known:
                 return known[row]
-            return _of_row(
-                function, arguments | {name: arguments[name][row] for name in counts}, row
-            )
+            of_this = arguments | {name: arguments[name][row] for name in counts}
+            try:
+                return _of_row(function, of_this, row)
+            except GeodesicOcpError as failure:
+                if throw:
+                    raise
+                failures[row] = str(failure)
+                return np.full(np.shape(of_this[names[0]]), np.nan)
 
-        results = in_threads(of_row, count) if threaded else map(of_row, range(count))
-        return np.array(list(results))
+        failures: dict[int, str] = {}
+        results = list(in_threads(of_row, count) if threaded else map(of_row, range(count)))
+        if failures:
+            first = min(failures)
+            rows = ", ".join(map(str, sorted(failures)[:20])) + ", ..." * (len(failures) > 20)
+            warnings.warn(
+                f"{function.__name__}: {len(failures)} of {count} rows are nan (rows {rows}); "
+                f"{failures[first]}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        return np.array(results)
 
     return cast(Function, wrapped)
+
+
+def _or_nan(function: Callable[..., Any], arguments: dict[str, Any], like: str) -> Any:
+    """Return the vector, or NaN with a warning if it is not found."""
+    try:
+        return function(**arguments)
+    except GeodesicOcpError as failure:
+        warnings.warn(f"{function.__name__} is nan: {failure}", RuntimeWarning, stacklevel=3)
+        return np.full(np.shape(arguments[like]), np.nan)
 
 
 def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -> Any:

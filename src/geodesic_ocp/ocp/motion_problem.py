@@ -177,7 +177,7 @@ class MotionSolution(TimedMotion, ShortRepr):
         """Draw coordinates, velocities and torques over time."""
         t = np.linspace(0.0, self.duration, 201)
         title = f"{type(self.problem).__name__}: cost {self.cost:.4g}"
-        names = self.metric.joint_names or tuple(f"q[{i}]" for i in range(self.metric.dim))
+        names = self.metric.coordinate_names
         return draw_motion(t, (self(t), self(t, 1)), self.torques(t), names, title)
 
     def torques(self, t: ArrayLike) -> Array:

@@ -38,8 +38,8 @@ class ConstrainedProblem(Problem):
     Attributes:
         limits: whether the joints stay within the limits of the metric's model.
         speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
-            a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
-            limit.
+            a motion at constant speed that lasts T has joint speeds 1 / T times these, one from
+            rest to rest (`Solution.to_motion`) up to 1.5 / T times. None: no limit.
         obstacles: balls, capsules, boxes and half-spaces that the collision bodies keep clear of.
         links: links whose bodies keep clear of obstacles; None: all that move.
         pairs: pairs of links that keep clear of each other.
@@ -126,8 +126,8 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
         q0, q1: start and goal (n,) [rad or m].
         limits: whether the joints stay within the limits of the metric's model.
         speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
-            a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
-            limit.
+            a motion at constant speed that lasts T has joint speeds 1 / T times these, one from
+            rest to rest (`Solution.to_motion`) up to 1.5 / T times. None: no limit.
         obstacles: balls, capsules, boxes and half-spaces that the collision bodies keep clear of.
         links: links whose bodies keep clear of obstacles; None: all that move.
         pairs: pairs of links that keep clear of each other.

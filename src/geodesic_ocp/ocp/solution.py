@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
@@ -272,6 +273,10 @@ class Solution:
     def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
         """Return the path as a motion in time, with velocities.
 
+        The `speed` of a problem limits the slopes dq/ds of the path. A RuntimeWarning says where a
+        joint is faster than so many rad/s, as from rest to rest in one second it is by a half, and
+        in what duration it would not be.
+
         Args:
             timing: duration [s] of a motion from rest to rest with the least squared acceleration
                 s''(t) along the path (`time_law`); or a time law, which may have any end speeds.
@@ -287,7 +292,19 @@ class Solution:
         if not self.stats.success or (violations and not violations[0].amount <= allowed):
             cause = "; ".join(map(str, violations[:1])) or self.stats.status
             raise NotConverged(f"no motion along a path that is not a solution: {cause}", self)
-        return motion_along(self.path, timing, rate)
+        motion = motion_along(self.path, timing, rate)
+        if (speed := getattr(self.problem, "speed", None)) is not None:
+            velocity = np.asarray(motion.velocity)
+            shares = np.abs(velocity).max(axis=0) / speed
+            joint, excess = motion.joint_names[int(shares.argmax())], float(shares.max())
+            if excess > 1.0 + allowed:
+                warnings.warn(
+                    f"{joint} reaches {excess:.3g} times the speed of the problem, taken per "
+                    f"second; in {excess * motion.duration:.3g} s it would reach that speed",
+                    RuntimeWarning,
+                    stacklevel=2,
+                )
+        return motion
 
     def plot(self) -> Figure:
         """Return coordinates and speed over s, beside the path of the hand or in the plane, and the

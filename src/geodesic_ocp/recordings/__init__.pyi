@@ -5,7 +5,8 @@ from .conventions.joint_angles import joint_angles as joint_angles
 from .conventions.osim_convention import OsimConvention as OsimConvention
 from .conventions.segment_orientations import SegmentOrientations as SegmentOrientations
 from .conventions.skeleton_convention import SkeletonConvention as SkeletonConvention
-from .formats.delimited import save_motion as save_motion
+from .formats.angle_tables import Column as Column
+from .formats.angle_tables import save_motion as save_motion
 from .markers.fit_markers import fit_markers as fit_markers
 from .markers.fit_noise import FitNoise as FitNoise
 from .markers.marker_fit import LostMarker as LostMarker

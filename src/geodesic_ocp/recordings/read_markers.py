@@ -18,7 +18,8 @@ from geodesic_ocp.recordings.markers.markers import (
 
 
 def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:
-    """Read the positions of markers from a file: c3d, TRC or a table with NAME_x, NAME_y, NAME_z.
+    """Read the positions of markers from a file: c3d, TRC, CSV of Vicon Nexus, TSV of Qualisys,
+    Motion-BIDS, or a table with NAME_x, NAME_y, NAME_z.
 
     The content of the file tells its format. Positions are converted to metres, in the axes of
     the file unless `up` is given; a marker that was not seen is NaN.

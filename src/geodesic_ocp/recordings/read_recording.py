@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
 
-from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.arrays import as_integer, as_positive
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, Sides, trunk
 from geodesic_ocp.model.combine import combine
@@ -23,6 +23,7 @@ from geodesic_ocp.model.human import (
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
+from geodesic_ocp.recordings.formats.angle_tables import Gaps
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
@@ -48,13 +49,18 @@ def read_motion(
     skeleton: str | PathLike[str] | None = None,
     rate: float | None = None,
     unit: str | float | None = None,
+    up: Axis | None = None,
+    columns: Any = None,
+    fill: float | None = None,
+    part: int | None = None,
 ) -> Motion:
     """Read a recorded motion from a file, whose format its content tells, not its suffix.
 
-    The formats are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH,
-    OpenSim's .mot and .sto, and .npz as in AMASS. The angles of the first two are those in the
-    file, as are those of OpenSim files in no known convention; others are converted through the
-    orientations of the segments to the joints of `human_arm` and of the trunk.
+    The formats are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH, Xsens
+    MVNX, OpenSim's .mot and .sto, joint angles in Motion-BIDS, and .npz as in AMASS. The angles of
+    the first two are those in the file, as are those of OpenSim and Motion-BIDS in no known
+    convention; others are converted through the orientations of the segments to the joints of
+    `human_arm` and of the trunk.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -71,6 +77,11 @@ def read_motion(
         skeleton: file (.asf) that belongs to an AMC file; by default the one beside it.
         rate: rate of an AMC file [Hz], which does not contain it; 120 Hz by default.
         unit: unit of lengths in a BVH or AMC file: "m", "cm", "mm", "in" or a number of metres.
+        up: the axis that points upwards in the space of a skeleton, such as "y" or "-z".
+        columns: which columns of a table are which joints: by joint the name of a column, or a
+            `Column` with sign, unit and offset; or a CSV file ours,theirs,sign,unit,offset.
+        fill: longest gap of a table, of empty cells or nan, that is bridged [s]; none by default.
+        part: number of a part of a table, from 1, between longer gaps.
 
     Raises:
         RecordingError: the file is missing, of an unknown format, or malformed, or its angles look
@@ -89,13 +100,14 @@ def read_motion(
             "go.recordings.read_markers, and compute angles with go.recordings.fit_markers"
         )
     arguments = {"convention": convention, "skeleton": skeleton, "rate": rate, "unit": unit}
+    arguments |= {"up": up, "columns": columns, "fill": fill, "part": part}
     given = {name: value for name, value in arguments.items() if value is not None}
     check_stated(file, kind, given)
     with named_failures(file):
         if FORMATS[kind].content == "segments":
             return joint_angles(FORMATS[kind].read(file, **given), joints)
         motion: Motion = FORMATS[kind].read(file, joints, **given)
-        if kind != "opensim":  # whose tables state the unit of the angles
+        if kind not in ("opensim", "bids angles"):  # whose columns have their unit stated
             check_radians(motion.joint_names, motion.q)
         return motion
 
@@ -137,6 +149,9 @@ def read_recording(
     skeleton: str | PathLike[str] | None = None,
     up: Axis | None = None,
     marker_set: MarkerSet | str | PathLike[str] | None = None,
+    columns: Any = None,
+    fill: float | None = None,
+    part: int | None = None,
 ) -> Recording:
     """Read a recording of one or both human arms, filter it, and scale a model to the person.
 
@@ -160,8 +175,9 @@ def read_recording(
             fitted to markers, which the fit has smoothed, unless a filter is given.
         convention, unit, rate, skeleton: where the file's format does not give them, see
             `read_motion`.
-        up: the axis that points upwards in a file of markers, see `read_markers`.
+        up: the axis that points upwards in a file of markers or of a skeleton.
         marker_set: where the markers are, or a file that says so, see `fit_markers`.
+        columns, fill, part: columns of a table, and its gaps, see `read_motion`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.
@@ -170,9 +186,13 @@ def read_recording(
         NotConverged: no motion was fitted to the markers.
     """
     numbers = {"height": height, "mass": mass, "cutoff": cutoff, "duration": duration}
+    numbers["fill"] = fill
+    if part is not None:
+        as_integer("part", part, 1)
     check_arguments(side, up, numbers, unfiltered=unfiltered)
     file = Path(path)
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
+    stated |= {"columns": columns, "fill": fill, "part": part}
     of_markers = {"up": up, "marker_set": marker_set}
     with named_failures(file):
         kind = recognise(file)
@@ -187,7 +207,7 @@ def read_recording(
             unfiltered = True  # the fit has smoothed it
     else:
         fit = None
-        motion = _motion_of(file, side, stated)
+        motion = _motion_of(file, side, stated | {"up": up})
         has_trunk = "BPx_joint" in motion.joint_names
         arm = _arm_of(motion.subject, file, side, height, mass, armature, has_trunk)
     with named_failures(file):
@@ -203,7 +223,8 @@ def read_recording(
             motion = replace(motion, velocity=motion(motion.time, 1))  # of a cubic spline
         else:
             motion = motion.filtered(cutoff=cutoff, duration=duration)
-    return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name, fit)
+    name = file.stem if part is None else f"{file.stem}, part {part}"
+    return Recording(arm, motion, f"{name}, {side}", motion.subject.name, fit)
 
 
 def _motion_of(file: Path, side: Sides, stated: dict[str, Any]) -> Motion:
@@ -212,6 +233,8 @@ def _motion_of(file: Path, side: Sides, stated: dict[str, Any]) -> Motion:
         return read_motion(file, human_arm(side).joint_names, **stated)
     try:
         return read_motion(file, human_upper_body().joint_names, **stated)
+    except Gaps:
+        raise
     except RecordingError:
         names = [name for each in get_args(Side) for name in human_arm(each).joint_names]
         return read_motion(file, names, **stated)
@@ -235,8 +258,8 @@ def check_arguments(
     Raises:
         ValueError: another side or axis, a number that is not positive, or several filters.
     """
-    units = {"cutoff": "Hz", "duration": "s", "height": "m", "mass": "kg"}
-    given = [name for name in units if numbers[name] is not None]
+    units = {"cutoff": "Hz", "duration": "s", "height": "m", "mass": "kg", "fill": "s"}
+    given = [name for name in units if numbers.get(name) is not None]
     for name in given:
         as_positive(name, numbers[name], units[name])
     filters = [

@@ -14,6 +14,7 @@ import numpy as np
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.recordings.formats.angle_tables import Gaps
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis
 from geodesic_ocp.recordings.read_recording import (
@@ -25,7 +26,9 @@ from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion
 
 #: Ends of the names of recordings, by which a folder is searched.
-SUFFIXES = (".xml", ".csv", ".amc", ".bvh", ".mot", ".sto", ".trc", ".c3d", ".npz")
+SUFFIXES = (".xml", ".csv", ".amc", ".bvh", ".mot", ".sto", ".trc", ".c3d", ".npz", ".mvnx", ".tsv")
+# Tables of Motion-BIDS that lie beside those of recordings.
+_TABLES = ("participants", "_channels", "_events", "_scans", "_sessions")
 
 # What lies together in a folder of results: of many recordings, of one, and of a study.
 _RESULTS = (
@@ -84,6 +87,7 @@ def _in_folder(folder: Path, recursive: bool) -> list[Path]:
         each
         for each in (folder.rglob("*") if recursive else folder.iterdir())
         if each.suffix.lower() in SUFFIXES
+        and not (each.suffix.lower() == ".tsv" and each.stem.endswith(_TABLES))
         and each.is_file()
         and not any(part.startswith(".") for part in each.relative_to(folder).parts)
         and not is_result(each.parent)
@@ -122,6 +126,9 @@ def read_recordings(
     skeleton: str | PathLike[str] | None = None,
     up: Axis | None = None,
     marker_set: MarkerSet | str | PathLike[str] | None = None,
+    columns: Any = None,
+    fill: float | None = None,
+    part: int | None = None,
 ) -> tuple[Recording, ...]:
     """Read files or folders of recordings of human arms, filter them, and scale an arm to each.
 
@@ -147,12 +154,13 @@ def read_recordings(
         duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
-        convention, unit, rate, skeleton, up, marker_set: see `read_recording`; each is used for
-            the files to whose format it applies.
+        convention, unit, rate, skeleton, up, marker_set, columns, fill, part: see
+            `read_recording`; each is used for the files to whose format it applies. With `fill`, a
+            table with longer gaps is a recording for each part between them, or for this part.
 
     Returns:
-        One recording a file, in the order given, sorted by name within a folder. Its name is that
-        of the file with the side, its subject that in the file.
+        One recording a file or part, in the order given, sorted by name within a folder. Its name
+        is that of the file with the side, its subject that in the file.
 
     Raises:
         RecordingError: files cannot be used, or none is left; names each with its reason: it cannot
@@ -163,22 +171,31 @@ def read_recordings(
     numbers: dict[str, Any] = {"height": height, "mass": mass}
     numbers |= {"cutoff": cutoff, "duration": duration}
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
-    stated |= {"up": up, "marker_set": marker_set}
+    stated |= {"up": up, "marker_set": marker_set, "columns": columns}
+    stated |= {"fill": fill, "part": part}
     check_arguments(side, up, numbers)
     human_arm(side)  # raises for another side, or for both
     found: list[tuple[Path, Recording]] = []
     reasons: list[str] = []
     for file in recording_files(paths, recursive=recursive):
+        given = numbers | that_apply(file, stated)
         try:
-            recording = read_recording(file, side, **numbers, **that_apply(file, stated))
+            try:
+                recordings = [read_recording(file, side, **given)]
+            except Gaps as gaps:
+                if fill is None or not gaps.parts:
+                    raise
+                numbered = range(1, len(gaps.parts) + 1)
+                recordings = [read_recording(file, side, **(given | {"part": k})) for k in numbered]
         except (ValueError, NotConverged) as failure:
             reasons.append(_with_name(file, str(failure)))
             continue
-        same = [other for other, its in found if _is_same(recording.motion, its.motion)]
-        if same:
-            reasons.append(f"{file}: holds the same motion as {same[0]}")
-        else:
-            found.append((file, recording))
+        for recording in recordings:
+            same = [other for other, its in found if _is_same(recording.motion, its.motion)]
+            if same:
+                reasons.append(f"{file}: holds the same motion as {same[0]}")
+            else:
+                found.append((file, recording))
     if reasons and (not skip or not found):
         raise RecordingError(";\n".join(reasons))
     for reason in reasons:

@@ -21,10 +21,15 @@ class RecordingSettings:
             fits.
         unit: unit of lengths in .bvh and .amc files: m, cm, mm, in, or a number of metres.
         skeleton: skeleton of .amc files (.asf); default: the file beside each.
-        up: axis that points upwards in marker files: x, y, z, or the opposite, as in --up=-y.
+        up: axis that points upwards in files of markers or of a skeleton: x, y, z, or the opposite,
+            as in --up=-y.
         marker_set: file that says where the markers are (.json, .toml); default: the known set that
             fits.
         amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
+        columns: file (.csv) that says which columns of a table are which joints; its columns are
+            ours, theirs, sign, unit and offset.
+        fill: longest gap of a table that is bridged [s]; default: none may be.
+        part: number of a part of a table between longer gaps, from 1.
 
     Raises:
         ValueError: a number that is not positive, an unknown axis, or a file that does not exist.
@@ -38,10 +43,13 @@ class RecordingSettings:
     up: Axis | None = None
     marker_set: str | None = None
     amc_rate: float | None = None
+    columns: str | None = None
+    fill: float | None = None
+    part: int | None = None
 
     def __post_init__(self) -> None:
-        self._check_positive(height="m", mass="kg", amc_rate="Hz")
-        for name in ("skeleton", "marker_set"):
+        self._check_positive(height="m", mass="kg", amc_rate="Hz", fill="s")
+        for name in ("skeleton", "marker_set", "columns"):
             file = getattr(self, name)
             if file is not None and not Path(file).is_file():
                 raise ValueError(f"{name}: there is no file {file!r}")
@@ -61,5 +69,5 @@ class RecordingSettings:
 
     def reading(self) -> dict[str, Any]:
         """Return the arguments of `read_recording` about the format of the file."""
-        names = ("convention", "unit", "skeleton", "up", "marker_set")
+        names = ("convention", "unit", "skeleton", "up", "marker_set", "columns", "fill", "part")
         return {name: getattr(self, name) for name in names} | {"rate": self.amc_rate}

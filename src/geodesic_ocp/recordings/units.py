@@ -7,7 +7,7 @@ import numpy as np
 #: Radians in a unit of angle, by its name in lower case.
 ANGLES = {
     **dict.fromkeys(("rad", "rads", "radian", "radians"), 1.0),
-    **dict.fromkeys(("deg", "degs", "degree", "degrees"), np.pi / 180.0),
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), np.pi / 180.0),
 }
 #: Metres in a unit of length, by its name in lower case.
 LENGTHS = {

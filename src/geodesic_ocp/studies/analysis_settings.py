@@ -142,7 +142,7 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
 
     def files(self) -> dict[str, Path]:
         """Return the files that settings name, by setting."""
-        names = ["convention", "skeleton", "marker_set"]
+        names = ["convention", "skeleton", "marker_set", "columns"]
         if self.metric not in METRIC_NAMES:
             names.append("metric")
         given = {name: Path(file) for name in names if (file := getattr(self, name)) is not None}

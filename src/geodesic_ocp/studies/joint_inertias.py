@@ -17,7 +17,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import GeodesicOcpError, RecordingError
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
-from geodesic_ocp.fitting.resampling import minimizers, resampled
+from geodesic_ocp.fitting.resampling import FEWEST, minimizers, resampled
 from geodesic_ocp.manifold.metrics import FRACTION
 from geodesic_ocp.model.inertias import inertia_scale
 from geodesic_ocp.recordings.recording import Recording
@@ -127,10 +127,10 @@ def _estimates(profiles: DataFrame) -> DataFrame:
 
 
 def _interval(own: DataFrame, confidence: float, seed: int) -> tuple[float, float]:
-    """Return the percentile bootstrap interval of a subject; NaN for a single recording."""
+    """Return the percentile bootstrap interval of a subject; NaN below three recordings."""
     curve = _profile(own)
     count = curve.errors.shape[1]
-    if count == 1:
+    if count < FEWEST:
         return np.nan, np.nan
     units = [[k] for k in range(count)]
     weights, tails = resampled(units, "recording", _RESAMPLES, confidence, seed)
@@ -161,7 +161,7 @@ def _geometric_mean(values: Array, confidence: float) -> tuple[float, float, flo
     if logs.size == 0:
         return np.nan, np.nan, np.nan
     half = np.nan
-    if logs.size > 1:
+    if logs.size >= FEWEST:
         quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, logs.size - 1)
         half = quantile * logs.std(ddof=1) / np.sqrt(logs.size)
     low, middle, high = np.exp(logs.mean() + np.array([-half, 0.0, half])).tolist()

@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_integer, as_number
+from geodesic_ocp.fitting.resampling import FEWEST
 
 _RESAMPLES = 9999
 _FEW = 10  # fewer pairs give a bootstrap interval that is narrower than its name
@@ -25,7 +26,7 @@ class PairedTest:
         left_out: number of pairs that are not, as a number in them is NaN.
         wins, losses, ties: pairs in which the first number is better, worse, and equal.
         mean_difference: mean of first minus second.
-        interval: bootstrap confidence interval of it, (low, high); NaN with a single pair.
+        interval: bootstrap confidence interval of it, (low, high); NaN with one or two pairs.
         interval_method: "BCa" or "percentile".
         confidence: confidence of the interval, and 1 minus the level that `note` refers to.
         sign_p: two-sided p-value of the sign test; pairs that are equal count for nothing.
@@ -176,7 +177,7 @@ def _numbers(name: str, value: ArrayLike) -> Array:
 
 def _bootstrap(values: Array, confidence: float, seed: int) -> tuple[tuple[float, float], str]:
     """Return confidence interval of the mean, and by which method."""
-    if values.size < 2:
+    if values.size < FEWEST:
         return (float("nan"), float("nan")), "none"
     for method in ("BCa", "percentile"):
         with warnings.catch_warnings():

@@ -231,8 +231,8 @@ def equal_motions(motions: Sequence[tuple[str, int, list[float]] | None]) -> dic
 
 
 def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
-    """Yield subjects named after files, assumed heights and masses, and results that are in no
-    table.
+    """Yield subjects named after files, trials that may be there twice, assumed heights and masses,
+    and results that are in no table.
 
     Args:
         rows: rows of the table of recordings.
@@ -246,6 +246,16 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             f"Subjects of {files} {of_all} are named after their files, as nothing else names "
             "them: recordings of one person would count as several subjects. State the subjects "
             "with a table (--subjects) or by the paths (--subject-from)."
+        )
+    by_name: dict[tuple[str, str], list[str]] = {}
+    for row in recordings:
+        name = str(row["file"]).rpartition(".")[0]
+        by_name.setdefault((name, str(row["side"])), []).append(str(row["file"]))
+    twice = sorted({", ".join(sorted(each)) for each in by_name.values() if len(each) > 1})
+    if twice:
+        yield (
+            f"The same trial may be there twice, as files of one name have several formats "
+            f"({'; '.join(twice[:5])}): statistics would count it twice. Leave one out."
         )
     for name, unit in (("height", "m"), ("mass", "kg")):
         assumed = [row for row in recordings if row.get(f"{name}_from") == "assumed"]

@@ -24,6 +24,7 @@ from geodesic_ocp.drawing.study_figures import (
     synergies_figure,
 )
 from geodesic_ocp.drawing.styles import save_figure
+from geodesic_ocp.fitting.resampling import FEWEST
 from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.joint_inertias import inertia_table, scaling_table
@@ -263,7 +264,7 @@ class StudyResult:
         unequal = ["Methods are not all averaged over the same recordings."]
         sentences = [
             "Means over subjects of the subjects' means. SD: standard deviation over subjects. "
-            "Intervals: of the mean, by Student's t.",
+            "Intervals: of the mean, by Student's t, within 0 and above, of three or more.",
             *(unequal if len(counts) > 1 else []),
             *(_RECEIVED if {*_COUNTERPARTS} & {*self.methods} else []),
             *self.notes,
@@ -286,9 +287,9 @@ class StudyResult:
         total = found.index.get_level_values("condition").map(total).astype(int)
         found.insert(2, "missing", total - recordings)
         count = found["subjects"]
-        quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, count.where(count > 1) - 1)
+        quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, count.where(count >= FEWEST) - 1)
         half = quantile * found["SD"] / np.sqrt(count)
-        ends = {"low": found["mean"] - half, "high": found["mean"] + half}
+        ends = {"low": (found["mean"] - half).clip(lower=0.0), "high": found["mean"] + half}
         found = found.assign(**{f"{confidence:.0%} {end}": own for end, own in ends.items()})
         return self._by_condition(_plain(found).rename(index=self.methods, level="method"))
 

@@ -14,6 +14,7 @@ from .spline_knots import spline_knots as spline_knots
 from .synergy import Reconstruction as Reconstruction
 from .synergy import Synergy as Synergy
 from .synergy import load_synergies as load_synergies
+from .synergy import motion_of_synergies as motion_of_synergies
 from .synergy import reconstruct as reconstruct
 from .synergy import save_synergies as save_synergies
 from .uncertainty import Uncertainty as Uncertainty

@@ -48,7 +48,7 @@ from geodesic_ocp.synergies.synergy import (
     save_synergies,
 )
 from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
-from geodesic_ocp.tables import markdown, new_table, save_tables
+from geodesic_ocp.tables import in_degrees, markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.noise import Noise
 
@@ -133,12 +133,13 @@ class Analysis:
     def _by_rule(self) -> str:
         return "" if self.threshold is None else f" at a threshold of {self.threshold:g} rad"
 
-    def table(self, *, unfiltered: bool = False) -> DataFrame:
+    def table(self, *, unfiltered: bool = False, degrees: bool = False) -> DataFrame:
         """Return number of segments and mean errors of all methods, of each hand if there are
         several.
 
         Args:
             unfiltered: take the errors against the unfiltered motion (`errors_unfiltered`).
+            degrees: give angles in degrees.
 
         Raises:
             ValueError: the unfiltered motion is not known.
@@ -152,7 +153,8 @@ class Analysis:
         ]
         lacking = ", ".join(self.labels()[method] for method in self.not_found)
         note = f"Not found: {lacking}." if lacking else ""
-        return new_table(("method", "segments", *self._columns), rows, note)
+        table = new_table(("method", "segments", *self._columns), rows, note)
+        return in_degrees(table) if degrees else table
 
     @property
     def _columns(self) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
@@ -30,6 +30,7 @@ FORMAT, VERSION = "geodesic_ocp synergies", 1
 _MAX_SPEED_RATIO = 100.0
 _SAME = 1e-6  # of lengths, relative: quadrature of the same path in the same metric
 _RATE = 100.0  # [Hz]
+_GAP = 1e-6  # [s] between synergies, of rounding
 _LONGEST = 86400.0  # [s], of a motion; a damaged file may ask for any amount of memory
 
 
@@ -85,6 +86,38 @@ class Synergy(ShortRepr):
         Derivatives above the given order are left out.
         """
         return states_at(self.path, self.law, t - self.start_time, order)
+
+
+def motion_of_synergies(synergies: Sequence[Synergy], rate: float = _RATE) -> Motion:
+    """Return the motion of successive synergies, as from `load_synergies`, with velocities.
+
+    At a cut, where the velocity jumps, the sample is of the synergy that begins.
+
+    Args:
+        synergies: synergies, each of which begins where the one before it ends.
+        rate: samples per second [Hz], rounded so that they are evenly spaced up to the end.
+
+    Raises:
+        ValueError: no synergies, a gap between two of them, or a rate that is not positive.
+    """
+    if not synergies:
+        raise ValueError("there are no synergies")
+    starts = np.array([each.start_time for each in synergies])
+    ends = starts + [each.duration for each in synergies]
+    if gaps := np.flatnonzero(np.abs(starts[1:] - ends[:-1]) > _GAP).tolist():
+        raise ValueError(
+            f"synergy {gaps[0] + 1} begins at {starts[gaps[0] + 1]:.6g} s, not where the one "
+            f"before it ends, at {ends[gaps[0]]:.6g} s"
+        )
+    count = round(as_positive("rate", rate, "Hz") * (ends[-1] - starts[0]))
+    time = np.linspace(starts[0], ends[-1], max(count, 1) + 1)
+    of_each = np.searchsorted(starts, time + _GAP, side="right") - 1
+    parts = [
+        each.states(np.clip(time[of_each == k], starts[k], ends[k]), 1)
+        for k, each in enumerate(synergies)
+    ]
+    q, velocity = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return Motion(time, q, synergies[0].path.metric.coordinate_names, velocity)
 
 
 def as_segments(motion: Motion, segments: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:

@@ -231,8 +231,7 @@ def motion_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Mo
     if np.any(covered < -_SAME * length) or np.any(covered > (1.0 + _SAME) * length):
         raise ValueError("the time law leaves the path at one of its ends")
     q, velocity = states_at(path, law, time, 1)
-    names = path.metric.joint_names or tuple(f"q[{index}]" for index in range(path.metric.dim))
-    return Motion(time, q, names, velocity)
+    return Motion(time, q, path.metric.coordinate_names, velocity)
 
 
 def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import tempfile
 import warnings
 import zipfile
@@ -120,7 +121,7 @@ ACCIDENTS = [
 def outcome(folder: Path, name: str, content: bytes) -> go.Motion | Markers | None:
     """The recording, if it is read; otherwise the message begins with the file's name."""
     (folder / name).write_bytes(content)
-    file = folder / name.replace(".asf", ".amc")
+    file = folder / re.sub(r"sub-01_.*", "sub-01_motion.tsv", name.replace(".asf", ".amc"))
     try:
         with warnings.catch_warnings():  # of counts that programs leave as they were
             warnings.filterwarnings("ignore", ".*: its header says", RuntimeWarning)
@@ -140,9 +141,10 @@ def values(result: go.Motion | Markers) -> np.ndarray:
 
 
 def write_seeds(folder: Path) -> None:
-    """The skeleton and the motion, of which the other one is damaged."""
-    for name in ("motion.asf", "motion.amc"):
-        (folder / name).write_bytes(SEEDS[name])
+    """The files of one recording, of which another one is damaged."""
+    for name in SEEDS:
+        if name.startswith(("motion.a", "sub-01")):
+            (folder / name).write_bytes(SEEDS[name])
 
 
 @pytest.mark.parametrize("name", SEEDS)
@@ -173,7 +175,7 @@ def test_files_cut_off_anywhere(name: str, tmp_path: Path) -> None:
     for end in range(0, len(content) - 1, max(1, len(content) // 150)):
         part = outcome(tmp_path, name, content[:end])
         if part is not None:
-            assert not name.endswith((".c3d", ".npz", ".xml", ".bvh"))
+            assert not name.endswith((".c3d", ".npz", ".xml", ".bvh", ".mvnx", ".json"))
             complete = len(part) - 1  # of the last row the last number may lack digits
             assert values(part)[:complete] == pytest.approx(values(whole)[:complete], nan_ok=True)
 

@@ -20,12 +20,15 @@ FORMATS = {
     "table.csv": "table",
     "motion.mot": "opensim",
     "motion.bvh": "bvh",
+    "motion.mvnx": "mvnx",
     "motion.asf": "amc",
     "motion.amc": "amc",
     "motion.npz": "smpl",
     "markers.trc": "trc",
     "markers.csv": "marker table",
     "markers.c3d": "c3d",
+    "markers_vicon.csv": "vicon",
+    "markers_qualisys.tsv": "qualisys",
 }
 
 

@@ -145,6 +145,70 @@ def write_bvh(
     return file
 
 
+# From the files' axes to those of MVN: x forward, y left, z up.
+MVN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+SEGMENTS = {"Hips": "Pelvis", "Spine": "L3", "Spine1": "T8"} | {
+    f"{side}{name}": f"{side}{other}"
+    for side in ("Right", "Left")
+    for name, other in (("Arm", "UpperArm"), ("ForeArm", "ForeArm"))
+}
+
+
+def write_mvnx(
+    file: Path,
+    joints: dict[str, Array],
+    roots: Array,
+    rate: float,
+    rest: str = "identity",
+    heading: float = 0.0,
+) -> Path:
+    """Write segments of MVN in metres; offsets are in centimetres.
+
+    The T pose is a frame of type `rest`, in which the person faces a direction [rad] from x.
+    """
+    facing = Rotation.from_euler("z", heading).as_matrix()
+    still = dict.fromkeys(joints, facing[None])
+    poses = {"normal": {name: MVN @ each @ MVN.T for name, each in joints.items()}, rest: still}
+    places: dict[str, dict[str, Array]] = {"normal": {"Hips": 0.01 * roots @ MVN.T}}
+    places[rest] = {"Hips": np.array([[0.0, 0.0, 1.0]])}
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>']
+    lines += [
+        '<mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">',
+        '<mvn version="2022.0.0"/>',
+    ]
+    lines += [
+        f'<subject label="Anna" frameRate="{rate:g}" segmentCount="{len(TREE)}">',
+        "<segments>",
+    ]
+    connected = []
+    for number, (name, parent, offset, _) in enumerate(TREE, start=1):
+        label = SEGMENTS.get(name, name)
+        lines.append(f'<segment label="{label}" id="{number}"><points/></segment>')
+        if parent is None:
+            continue
+        above = SEGMENTS.get(parent, parent)
+        connected.append(
+            f'<joint label="j{label}"><connector1>{above}/j{label}</connector1>'
+            f"<connector2>{label}/j{label}</connector2></joint>"
+        )
+        for kind, place in places.items():
+            place[name] = place[parent] + poses[kind][parent] @ (0.01 * MVN @ np.array(offset))
+    lines += ["</segments>", "<joints>", *connected, "</joints>", "<frames>"]
+    for kind in (rest, "normal"):
+        rotations = np.stack([poses[kind][name] for name, *_ in TREE], axis=1)
+        quaternions = [Rotation.from_matrix(each).as_quat()[:, [3, 0, 1, 2]] for each in rotations]
+        positions = np.stack([places[kind][name] for name, *_ in TREE], axis=1)
+        for index in range(len(rotations)):
+            at = str(index) if kind == "normal" else ""
+            lines.append(f'<frame time="{round(1e3 * index / rate)}" index="{at}" type="{kind}">')
+            for what, values in (("orientation", quaternions), ("position", positions)):
+                numbers = " ".join(f"{x:.12g}" for x in np.ravel(values[index]))
+                lines.append(f"<{what}>{numbers}</{what}>")
+            lines.append("</frame>")
+    file.write_text("\n".join([*lines, "</frames>", "</subject>", "</mvnx>"]) + "\n")
+    return file
+
+
 ACCLAIM = {  # names of the CMU database
     "Hips": "root",
     "RightUpLeg": "rfemur",

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
@@ -28,7 +29,7 @@ def orientations() -> SegmentOrientations:
 
 @pytest.fixture(scope="module")
 def bones() -> dict[str, dict[str, Array]]:
-    """Start, end (k, 3) and rotation (k, 3, 3) of the bones of the trunk and the right arm [m].
+    """Start, end (k, 3) and rotation (k, 3, 3) of the bones of the trunk and both arms [m].
 
     An independent kinematics: the numbers of the skeleton's file are written out here.
     """
@@ -36,13 +37,18 @@ def bones() -> dict[str, dict[str, Array]]:
         ("lowerback", (0.00952301, 0.997604, -0.0685217), 2.05943, (0, 0, 0)),
         ("upperback", (0.00494399, 0.999577, -0.0286701), 2.06523, (0, 0, 0)),
         ("thorax", (0.000729686, 0.999992, 0.00388603), 2.06807, (0, 0, 0)),
+        ("lclavicle", (0.967826, 0.247107, -0.0474446), 3.6598, (0, 0, 0)),
+        ("lhumerus", (1, 0, 0), 4.86513, (180, -30, -90)),
+        ("lradius", (1, 0, 0), 3.35554, (180, -30, -90)),
+        ("lwrist", (1, 0, 0), 1.67777, (0, 90, 90)),
+        ("lhand", (1, 0, 0), 0.661175, (0, 90, 90)),
         ("rclavicle", (-0.973174, 0.211421, -0.0907389), 3.59444, (0, 0, 0)),
         ("rhumerus", (-1, 0, 0), 5.02649, (180, 30, 90)),
         ("rradius", (-1, 0, 0), 3.36431, (180, 30, 90)),
         ("rwrist", (-1, 0, 0), 1.68216, (0, -90, -90)),
         ("rhand", (-1, 0, 0), 0.730406, (0, -90, -90)),
     )
-    dofs = {"rclavicle": (1, 2), "rradius": (0,), "rwrist": (1,), "rhand": (0, 2)}
+    dofs = {"clavicle": (1, 2), "radius": (0,), "wrist": (1,), "hand": (0, 2)}
     numbers: dict[str, list[list[float]]] = {}
     for line in (CMU / "02_05.amc").read_text().splitlines():
         name, *values = line.split()
@@ -54,7 +60,9 @@ def bones() -> dict[str, dict[str, Array]]:
     result = {}
     for name, direction, length, axis in chain:
         angles = np.zeros((len(root), 3))
-        angles[:, dofs.get(name, (0, 1, 2))] = numbers[name]
+        angles[:, dofs.get(name[1:], (0, 1, 2))] = numbers[name]
+        if name.endswith("clavicle"):
+            start, rotation = result["thorax"]["end"], result["thorax"]["rotation"]
         frame = Rotation.from_euler("xyz", axis, degrees=True).as_matrix()
         turned = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
         rotation = rotation @ frame @ turned @ frame.T
@@ -84,23 +92,24 @@ def test_bones_of_the_arm_follow_the_skeletons(
         assert angle_between(bone, down).max() < 1e-8
 
 
+@pytest.mark.parametrize("side", ["right", "left"])
 def test_the_models_arm_follows_the_skeletons(
-    orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
+    side: Side, orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
 ) -> None:
-    arm = human_arm("right")
+    arm = human_arm(side)
     motion = joint_angles(orientations, arm.joint_names)
     thorax = bones["thorax"]["rotation"]
     worst = {"upper arm": 0.0, "forearm": 0.0, "hand": 0.0}
     hands = (
-        np.swapaxes(orientations.rotations["thorax"], 1, 2) @ orientations.rotations["right hand"]
+        np.swapaxes(orientations.rotations["thorax"], 1, 2) @ orientations.rotations[f"{side} hand"]
     )
     tool = Rotation.from_euler("x", 180, degrees=True).as_matrix()  # of the hand's frame
     for index in range(0, len(motion), 25):
         elbow, wrist, rotation = arm_points(motion.q[index])
         relative = TO_FILE.T @ thorax[index].T
         for segment, name, direction in (
-            ("upper arm", "rhumerus", elbow),
-            ("forearm", "rradius", wrist - elbow),
+            ("upper arm", f"{side[0]}humerus", elbow),
+            ("forearm", f"{side[0]}radius", wrist - elbow),
         ):
             bone = relative @ (bones[name]["end"] - bones[name]["start"])[index]
             error = angle_between(bone[None], direction[None])[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from recordings.skeletons.skeleton_files import (
     smooth_motion,
     write_acclaim,
     write_bvh,
+    write_mvnx,
 )
 from scipy.spatial.transform import Rotation
 
@@ -31,6 +33,7 @@ from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrie
 from geodesic_ocp.recordings.conventions.skeleton_convention import SKELETON_CONVENTIONS, SMPL
 from geodesic_ocp.recordings.formats.amc import read_amc
 from geodesic_ocp.recordings.formats.bvh import read_bvh
+from geodesic_ocp.recordings.formats.mvnx import read_mvnx
 from geodesic_ocp.recordings.formats.smpl import read_smpl
 
 NAMES = [name for name, *_ in TREE]
@@ -235,6 +238,83 @@ def test_the_first_frame_can_be_the_rest_pose(tmp_path: Path) -> None:
     assert motion.trunk is not None
     expected = motion.trunk.positions @ turn.T
     np.testing.assert_allclose(read.trunk.positions[1:], expected, atol=1e-8)
+
+
+def test_six_numbers_of_an_offset_state_the_rest_pose(tmp_path: Path) -> None:
+    """The SOMA skeleton's joints have axes of their own; offsets end in angles about x, y, z."""
+    motion = smooth_motion(12)
+    written, joints, roots = in_files(motion, CM)
+    frames = Rotation.random(len(TREE), random_state=np.random.default_rng(12)).as_matrix()
+    turned = dict(zip(NAMES, frames, strict=True))
+    file = write_bvh(tmp_path / "a.bvh", joints, roots, 50.0, dict.fromkeys(NAMES, "ZYX"), turned)
+    lines = file.read_text().splitlines()
+    resting = local_rotations(dict(zip(NAMES, frames[:, None], strict=True)))
+    for name, rotations in resting.items():
+        angles = Rotation.from_matrix(rotations[0]).as_euler("ZYX", degrees=True)[::-1]
+        at = next(i for i, line in enumerate(lines) if line.split()[1:] == [name]) + 2
+        lines[at] += "".join(f" {angle:.12g}" for angle in angles)
+    file.write_text("\n".join(lines))
+    read = read_bvh(file, unit="cm")
+    check_same(read, motion, written)
+    check_trunk(read, motion)
+
+
+@pytest.mark.parametrize(("rest", "heading"), [("identity", 0.0), ("tpose", 2.0)])
+def test_mvnx_returns_the_angles_and_the_trunk(rest: str, heading: float, tmp_path: Path) -> None:
+    motion = smooth_motion(19)
+    written, joints, roots = in_files(motion, CM)
+    read = read_mvnx(write_mvnx(tmp_path / "a.mvnx", joints, roots, 50.0, rest, heading))
+    assert read.subject.name == "Anna"
+    check_same(read, motion, written)
+    check_trunk(read, motion)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('type="identity"', 'type="npose"', "no <frame> of type identity or tpose"),
+        ('type="normal"', 'type="other"', "two <frame> of type normal, has 0"),
+        ("<subject ", '<subject label="B"/><subject ', "<mvnx> has 2 <subject>"),
+        ("<connector2>T8/", "<connector2>T9/", "the joint jT8 connects L3 and T9"),
+        ("<connector1>L3/jT8", "<connector1>Neck/jT8", "the segment T8 must come after Neck"),
+        ('frameRate="50"', 'frameRate="60"', "last frame is at 0.22 s by its time, at 0.183333 s"),
+        ('frameRate="50"', 'frameRate="fast"', "could not convert string to float: 'fast'"),
+        ('(?s)(type="normal".*?<orientation>)[-.e0-9]+', r"\g<1>9", r"frame 0: segment 0 has the"),
+        (
+            '(?s)(type="normal".*?<position>)[-.e0-9]+ ',
+            r"\g<1>",
+            r"position of frame 0 has 38 numbers",
+        ),
+        (
+            '(?s)(type="normal".*?)<position>.*?</position>',
+            r"\g<1>",
+            "frame 0 has no position, others",
+        ),
+        ("T8", "T7", "no known convention names the segments"),
+    ],
+)
+def test_bad_mvnx(old: str, new: str, message: str, tmp_path: Path) -> None:
+    _, joints, roots = in_files(smooth_motion(19), CM)
+    file = write_mvnx(tmp_path / "a.mvnx", joints, roots, 50.0)
+    text = file.read_text()
+    assert re.search(old, text)
+    file.write_text(re.sub(old, new, text, count=1 if "(" in old else 0))
+    with pytest.raises(go.RecordingError, match=f"{re.escape(str(file))}: .*{message}"):
+        go.read_motion(file)
+
+
+def test_orientations_of_mvnx_that_contradict_the_positions_are_refused(tmp_path: Path) -> None:
+    """As those of segments with other axes do, such as ISB's."""
+    _, joints, roots = in_files(smooth_motion(19), CM)
+    file = write_mvnx(tmp_path / "a.mvnx", joints, roots, 50.0)
+    text = file.read_text()
+    joints["RightArm"] = joints["RightArm"] @ Rotation.from_euler("y", 20, degrees=True).as_matrix()
+    turned = write_mvnx(file, joints, roots, 50.0).read_text()
+    pattern = "<orientation>.*?</orientation>"
+    orientations = iter(re.findall(pattern, turned))
+    file.write_text(re.sub(pattern, lambda _: next(orientations), text))
+    with pytest.raises(go.RecordingError, match=r"RightUpperArm to RightForeArm .* by 20 deg"):
+        read_mvnx(file)
 
 
 def rotations_of_a_cube() -> list[Array]:

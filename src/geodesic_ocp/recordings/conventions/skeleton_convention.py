@@ -152,12 +152,12 @@ _CMU = _family(
 )
 _HUMAN_IK = _family(
     # Names of MotionBuilder's HumanIK, with Mixamo's and 3ds Max's namespaces in front or not; also
-    # those of the CMU database's BVH files and of Perception Neuron's. "RightShoulder" is the
-    # clavicle here.
-    "MotionBuilder, Mixamo, Perception Neuron",
+    # those of the CMU database's BVH files, of Perception Neuron's and of the SOMA skeleton, which
+    # has Spine1, Spine2 and Chest. "RightShoulder" is the clavicle here.
+    "MotionBuilder, Mixamo, Perception Neuron, SOMA",
     "Hips",
     ("Spine2", "Spine1", "Spine", "LowerBack"),
-    ("Spine3", "Spine2", "Spine1", "Spine", "Chest"),
+    ("Chest", "Spine3", "Spine2", "Spine1", "Spine"),
     "{Side}Arm",
     "{Side}ForeArm",
     ("{Side}FingerBase", "{Side}Hand"),
@@ -219,8 +219,13 @@ def as_skeleton_convention(
         {"name": "mine", "up": "+z", "forward": "+y",
          "joints": {"thorax": "Torso", "right upper arm": ["RUpper", "RArm"]}}
 
+    With "extends", the attributes of a known convention are those that the file leaves out:
+
+        {"extends": "SMPL", "space_up": "+y"}
+
     Raises:
         RecordingError: the file is missing or malformed, or its keys or values are others.
         ValueError: the argument is neither a convention nor a path.
     """
-    return as_stated(SkeletonConvention, given, "convention", "a convention")
+    known = SKELETON_CONVENTIONS
+    return as_stated(SkeletonConvention, given, "convention", "a convention", known)

@@ -359,6 +359,7 @@ def skeleton_segments(
     unit: float | None = None,
     subject: Subject | None = None,
     space_up: str | None = None,
+    up: str | None = None,
 ) -> SegmentOrientations:
     """Return the orientations of the segments, relative to those in the rest pose.
 
@@ -375,6 +376,7 @@ def skeleton_segments(
         subject: the recorded person.
         space_up: vertical axis of the format's space where the convention does not state it; by
             default the one that points up in the rest pose.
+        up: vertical axis of this file's space, such as "y" or "-z", whatever these say.
 
     Raises:
         RecordingError: fewer than two frames, names or a rest pose that the convention does not
@@ -394,7 +396,8 @@ def skeleton_segments(
         for segment, joint in segments.items()
     }
     usual = body[:, 2] if space_up is None else _axis(space_up)
-    space = _space(convention.space_up, usual, body, turned["thorax"])
+    stated = convention.space_up if up is None else up if up[0] == "-" else f"+{up}"
+    space = _space(stated, usual, body, turned["thorax"])
     rotations = {segment: space @ turned[segment] for segment in SEGMENTS if segment in turned}
     trunk = None
     for side in SIDES:

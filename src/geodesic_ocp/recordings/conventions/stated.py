@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,7 +13,11 @@ Stated = TypeVar("Stated", bound=Any)
 
 
 def as_stated(
-    kind: type[Stated], given: Stated | str | Path | None, argument: str, what: str
+    kind: type[Stated],
+    given: Stated | str | Path | None,
+    argument: str,
+    what: str,
+    known: Sequence[Stated] = (),
 ) -> Stated | None:
     """Return the record itself, or the one in a JSON or TOML file with its attributes as keys.
 
@@ -22,6 +26,7 @@ def as_stated(
         given: a value of this dataclass or a file.
         argument: name of the argument, for messages.
         what: the record is, for messages, such as "a convention".
+        known: records that a file may name by "extends", whose attributes are then its defaults.
 
     Raises:
         RecordingError: the file is missing or malformed, or its keys or values are others.
@@ -34,7 +39,15 @@ def as_stated(
     file = Path(given)
     record = read_structured(file, "convention")
     with decoding(file):
-        return from_record(kind, what, record, {"name": file.stem})
+        defaults = {"name": file.stem}
+        if known and isinstance(record, dict) and "extends" in record:
+            bases = {each.name: each for each in known}
+            base = record.pop("extends")
+            if base not in bases:
+                raise ValueError(f"extends must be one of {', '.join(bases)}, got {base!r}")
+            inherited = {each.name: getattr(bases[base], each.name) for each in fields(kind)}
+            defaults = inherited | defaults
+        return from_record(kind, what, record, defaults)
 
 
 def from_record(

@@ -289,6 +289,7 @@ def read_amc(
     rate: float | None = None,
     convention: SkeletonConvention | str | Path | None = None,
     unit: str | float | None = None,
+    up: str | None = None,
 ) -> SegmentOrientations:
     """Read the orientations of segments, and the pose of the trunk, from a motion and its skeleton.
 
@@ -302,6 +303,7 @@ def read_amc(
             else 120 Hz, that of the CMU database.
         convention: which bones carry which segments; the known one that fits best by default.
         unit: unit of lengths, "m", "cm", "mm", "in" or metres; by default that of the skeleton.
+        up: vertical axis of the space, such as "y"; by default that of the rest pose.
 
     Raises:
         RecordingError: there is no skeleton, either file is malformed, the frames do not give
@@ -322,7 +324,7 @@ def read_amc(
         hertz = as_positive("rate", rate, "Hz") if rate is not None else stated or CMU_RATE
         motion = _skeleton_motion(acclaim, values, angle, hertz)
         metres = metres_per_unit(unit, chosen) or acclaim.unit
-        return skeleton_segments(motion, chosen, metres, Subject(name=person.stem))
+        return skeleton_segments(motion, chosen, metres, Subject(name=person.stem), up=up)
 
 
 def _skeleton_motion(

@@ -36,7 +36,8 @@ class BvhJoint:
         name: None for an end site.
         parent: index of its parent; -1 for the root.
         depth: number of joints from the root to this one.
-        offset: (3,), in the file's unit.
+        offset: (3,), in the file's unit; files of the SOMA skeleton add the joint's rotation in the
+            rest pose, angles about x, y and z [deg].
         channels: names in lower case, such as "zrotation", in the order of the file.
         first: column of its first channel.
     """
@@ -102,8 +103,9 @@ def read_hierarchy(lines: list[str]) -> BvhHierarchy:
             elif key == "}":
                 parent, words = joint.parent, words[1:]
             elif key == "OFFSET" and joint.offset is None:
-                joint.offset = numbers(number, "OFFSET", words[1:4], 3)
-                words = words[4:]
+                count = 6 if words[4:] and words[4][0] in "+-.0123456789" else 3
+                joint.offset = numbers(number, "OFFSET", words[1 : count + 1], count)
+                words = words[count + 1 :]
             elif key == "CHANNELS" and joint.channels is None and joint.name is not None:
                 joint.channels, words = _channels(number, words[1:])
                 joint.first = tree.columns
@@ -175,19 +177,21 @@ def read_bvh(
     file: Path,
     convention: SkeletonConvention | str | Path | None = None,
     unit: str | float | None = None,
+    up: str | None = None,
 ) -> SegmentOrientations:
     """Read the orientations of segments, and with the unit of length the pose of the trunk.
 
     Rotations of a joint are multiplied in the order of its channels, in degrees:
     "Zrotation Xrotation Yrotation" is R = Rz Rx Ry. Position channels replace the offset of the
-    joint along their axes. Axes and the rest pose, in which all channels are zero, follow the
-    convention or are found from the offsets.
+    joint along their axes. The rest pose is that of the offsets: rotations are zero there, or the
+    last three of the six numbers of an offset. Its axes follow the convention or are found from it.
 
     Args:
         file: the .bvh.
         convention: which joints carry which segments; the known one that fits best by default.
         unit: unit of lengths, "m", "cm", "mm", "in" or metres; the format has none, and without it
             there is no pose of the trunk.
+        up: vertical axis of the space, such as "y"; by default that of the rest pose.
 
     Raises:
         RecordingError: the hierarchy is malformed, there are more or fewer frames than stated, or
@@ -201,27 +205,34 @@ def read_bvh(
         period, values = _motion(lines, hierarchy)
         if metres is not None:
             _check_positions(hierarchy, values)
-        return skeleton_segments(_skeleton_motion(hierarchy, period, values), chosen, metres)
+        motion = _skeleton_motion(hierarchy, period, values)
+        return skeleton_segments(motion, chosen, metres, up=up)
 
 
 def _skeleton_motion(hierarchy: BvhHierarchy, period: float, values: Array) -> SkeletonMotion:
     joints = hierarchy.joints
-    offsets = np.array([joint.offset for joint in joints])
+    given = [np.array(joint.offset)[:3] for joint in joints]
+    # Of the joints' axes in the rest pose, to which a Skeleton's are parallel.
+    rest = {-1: np.eye(3)}
+    for index, joint in enumerate(joints):
+        rest[index] = rest[joint.parent] @ _resting(joint)
+    offsets = np.array([rest[joint.parent] @ given[i] for i, joint in enumerate(joints)])
 
     def rotation(index: int) -> Array:
         axes, columns = joints[index].columns("rotation")
-        if not axes:
-            return np.eye(3)
-        return successive_rotations(axes, np.radians(values[:, columns]))
+        turned = successive_rotations(axes, np.radians(values[:, columns])) if axes else np.eye(3)
+        parallel: Array = rest[joints[index].parent] @ turned @ rest[index].T
+        return parallel
 
     def position(index: int) -> Array:
         axes, columns = joints[index].columns("position")
-        positions: Array = np.tile(offsets[index], (len(values), 1))
+        positions: Array = np.tile(given[index], (len(values), 1))
         positions[:, ["xyz".index(axis) for axis in axes]] = values[:, columns]
-        return positions
+        parallel: Array = positions @ rest[joints[index].parent].T
+        return parallel
 
     hinges = {
-        index: np.eye(3)["xyz".index(axes)]
+        index: rest[index][:, "xyz".index(axes)]
         for index, joint in enumerate(joints)
         if len(axes := joint.columns("rotation")[0]) == 1
     }
@@ -229,6 +240,17 @@ def _skeleton_motion(hierarchy: BvhHierarchy, period: float, values: Array) -> S
     skeleton = Skeleton(names, parents, offsets, hinges)
     time = period * np.arange(len(values), dtype=np.float64)
     return SkeletonMotion(skeleton, time, rotation, position)
+
+
+def _resting(joint: BvhJoint) -> Array:
+    """Return the rotation (3, 3) of a joint relative to its parent in the rest pose."""
+    axes, _ = joint.columns("rotation")
+    angles = (joint.offset or [])[3:]
+    if not axes or not angles:
+        return np.eye(3)
+    turned = np.radians([[angles["xyz".index(axis)] for axis in axes]])
+    rotation: Array = successive_rotations(axes, turned)[0]
+    return rotation
 
 
 def _motion(lines: list[str], tree: BvhHierarchy) -> tuple[float, Array]:

@@ -25,7 +25,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.text_lines import named_failures
-from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
 from geodesic_ocp.recordings.units import LENGTHS
 from geodesic_ocp.trajectory.motion import Subject
 
@@ -184,6 +184,7 @@ def _values(
 
 _NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 _SAME_RATE = 0.01
+_SHOWN = 20  # segments in a message
 
 
 def read_c3d(file: Path) -> Markers:
@@ -196,8 +197,10 @@ def read_c3d(file: Path) -> Markers:
         content = file.read_bytes()
         header = read_c3d_header(content)
         if header.points == 0:
-            analog = ", only analog data" if header.analog else ""
-            raise RecordingError(f"has no markers{analog}")
+            only = ", only analog data" if header.analog else ""
+            if segments := header.strings("ROTATION", "LABELS"):
+                only = f", only rotations of {', '.join(segments[:_SHOWN])}, which are not read"
+            raise RecordingError(f"has no markers{only}")
         _check_counts(header, len(content))
         unit = next(iter(header.strings("POINT", "UNITS")), "")
         if unit.lower() not in LENGTHS:
@@ -210,7 +213,7 @@ def read_c3d(file: Path) -> Markers:
         }
         if not labels:
             raise RecordingError(f"none of its {header.points} points has a marker's label")
-        names, subject = _without_prefix(list(labels.values()))
+        names, subject = without_prefix(list(labels.values()))
         subjects = header.strings("SUBJECTS", "NAMES")
         points = _points(header, content)[:, list(labels)]
         positions, residuals = points[:, :, :3], points[:, :, 3]
@@ -280,13 +283,3 @@ def _labels(header: C3dHeader) -> list[str]:
     ]
     names = ["LABELS", *(f"LABELS{number}" for number in sorted(numbers))]
     return [label for name in names for label in header.strings("POINT", name)]
-
-
-def _without_prefix(labels: list[str]) -> tuple[list[str], str]:
-    """Get labels without the subject before a colon, if they then still differ; and the subject."""
-    split = [label.rpartition(":") for label in labels]
-    names = [name.strip() for _, _, name in split]
-    if "" in names or len(set(names)) < len(names):
-        return labels, ""
-    prefixes = {prefix for prefix, _, _ in split if prefix}
-    return names, prefixes.pop() if len(prefixes) == 1 else ""

@@ -1,11 +1,15 @@
-"""Delimited tables of recordings: joint angles and markers (CSV), TRC, and OpenSim's .mot and .sto.
+"""Delimited tables of recordings: notes and header of CSV, markers, TRC, OpenSim's .mot and .sto.
 
-A table of joint angles or of markers (CSV) begins with notes, of which `unit` is required (rad or
-deg, or m, cm or mm), while `height` [m], `mass` [kg] and `subject` are optional::
+A table of joint angles or of markers (CSV) begins with notes, of which `unit` (rad or deg, or m, cm
+or mm) is required unless the columns state theirs, while `height` [m], `mass` [kg] and `subject`
+are optional::
 
     # unit: mm
     # height: 1.78
     time,RSHO_x,RSHO_y,RSHO_z,...
+
+Columns may also be separated by semicolons or tabs, with decimal commas, and `Time (ms)` or
+`RSx_joint [deg]` state a unit; a warning says what was assumed.
 
 A TRC file, of Motion Analysis, begins with five lines: line 2 names the entries of line 3, among
 them Units; line 4 names the markers after Frame# and Time, one in three columns; line 5 names the
@@ -27,19 +31,21 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.text_lines import named_failures, read_lines
+from geodesic_ocp.recordings.formats.text_lines import (
+    is_time,
+    name_and_unit,
+    named_failures,
+    read_lines,
+)
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.recordings.units import ANGLES, LENGTHS
-from geodesic_ocp.records import write_file
-from geodesic_ocp.tables import new_table
+from geodesic_ocp.recordings.units import LENGTHS
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 _MISSING = ("", "nan", "-nan")
@@ -144,22 +150,79 @@ def _compare(file: Path, header: Mapping[str, str], key: str, what: str, found: 
         )
 
 
-def _read_csv(
-    file: Path, units: Mapping[str, float], examples: tuple[str, str]
-) -> tuple[Rows, float, Subject]:
-    """Return the rows of a table with notes, the scale of its unit, and the person.
+@dataclass(frozen=True)
+class Table:
+    """Rows of a table with notes.
+
+    Attributes:
+        rows: the rows; names without units.
+        scales: radians or metres in the unit of each column, by name; none where it states none.
+        scale: those in the unit of the note; None without it.
+        examples: units that messages name.
+        time: name of the column of time.
+        seconds: seconds in its unit.
+        subject: the person.
+        assumed: what the file does not say outright, for a warning.
+    """
+
+    rows: Rows
+    scales: dict[str, float]
+    scale: float | None
+    examples: tuple[str, str]
+    time: str
+    seconds: float
+    subject: Subject
+    assumed: list[str]
+
+    @property
+    def others(self) -> list[str]:
+        """Names of the columns but time."""
+        return [name for name in self.rows.names if name != self.time]
+
+    def times(self) -> Array:
+        """Return the times (k,) [s]."""
+        return self.seconds * self.rows.columns([self.time])[:, 0]
+
+    def scales_of(self, names: Sequence[str]) -> Array:
+        """Return the scales of columns; RecordingError if one has no unit."""
+        if self.scale is None and not set(names) <= set(self.scales):
+            raise _no_unit(self.examples)
+        return np.array([self.scales.get(name, self.scale or 0.0) for name in names])
+
+    def say_assumed(self, file: Path) -> None:
+        """Yield a RuntimeWarning with everything that was assumed."""
+        if self.assumed:
+            warnings.warn(f"{file}: read with {'; '.join(self.assumed)}", RuntimeWarning, 4)
+
+
+_SECONDS = {**dict.fromkeys(("s", "sec", "seconds"), 1.0), "ms": 1e-3, "milliseconds": 1e-3}
+_SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+
+
+def _no_unit(examples: tuple[str, str], unit: str = "") -> RecordingError:
+    return RecordingError(
+        f"a line '# unit: {examples[0]}' or '# unit: {examples[1]}' must precede the header"
+        + (f", not {unit[:40]!r}" if unit else "")
+    )
+
+
+def read_csv(
+    file: Path, units: Mapping[str, float], examples: tuple[str, str], time: str | None = None
+) -> Table:
+    """Return a table with notes, in a known separation of columns.
 
     Args:
         file: to read.
         units: radians or metres by the name of a unit.
         examples: units that messages name.
+        time: name of the column of time; by default it is found.
 
     Raises:
-        RecordingError: no unit or header, notes that contradict each other or are not positive
-            numbers, or a name that occurs twice; the message names the line.
-        UnicodeDecodeError, csv.Error: the file is not text in UTF-8, or not a table.
+        RecordingError: no header, an unknown unit, notes that contradict each other or are not
+            positive numbers, or a name that occurs twice; the message names the line.
+        csv.Error: the file is not a table.
     """
-    lines = file.read_text(encoding="utf-8-sig").splitlines()
+    lines = read_lines(file)
     notes: dict[str, str] = {}
     first = 0
     while first < len(lines) and (lines[first].startswith("#") or not lines[first].strip()):
@@ -172,29 +235,46 @@ def _read_csv(
     if first == len(lines):
         raise RecordingError("has no header with the names of columns")
     unit = notes.get("unit", "")
-    if unit.lower() not in units:
+    if unit and unit.lower() not in units:
+        raise _no_unit(examples, unit)
+    separator = next(each for each in (";", "\t", ",") if each in lines[first] or each == ",")
+    cells = _split(lines[first], separator)
+    wanted = "time" if time is None else time
+    times = [cell for cell in cells if cell == wanted] or [cell for cell in cells if is_time(cell)]
+    if not times or len(cells) < 2:
         raise RecordingError(
-            f"a line '# unit: {examples[0]}' or '# unit: {examples[1]}' must precede the header"
-            + (f", not {unit[:40]!r}" if unit else "")
+            f"line {first + 1} must be a header with {wanted!r} and names of columns, "
+            f"is {lines[first][:60]!r}"
         )
-    names = _split(lines[first], ",")
-    if "time" not in names or len(names) < 2:
-        raise RecordingError(
-            f"line {first + 1} must be a header with 'time' and names of columns, "
-            f"is {lines[first][:60]!r}" + _hint(lines[first], names)
-        )
+    assumed = [] if separator == "," else [f"{_SEPARATORS[separator]} between the columns"]
+    names, scales, seconds = [], {}, 1.0
+    for cell in cells:
+        name, own = name_and_unit(cell)
+        if cell == times[0]:
+            if own and own not in _SECONDS:
+                raise RecordingError(f"line {first + 1}: time must be in s or ms, not {own!r}")
+            seconds = _SECONDS.get(own, 1.0)
+            if cell != wanted:
+                assumed.append(f"{cell!r} as the time in {own or 's'}")
+        elif own in units:
+            scales[name] = units[own]
+        names.append(name if cell == times[0] or own in units else cell)
     _check_names("the header", names)
     height, mass = (_positive_number(notes, key) for key in ("height", "mass"))
+    rows = _read_rows(lines, first + 1, names, separator)
+    if separator != "," and _has_decimal_commas(rows):
+        assumed.append("decimal commas")
+        points = [[cell.replace(",", ".") for cell in row] for row in rows.cells]
+        rows = Rows(rows.names, points, rows.lines)
     subject = Subject(height, mass, notes.get("subject", ""))
-    return _read_rows(lines, first + 1, names, ","), units[unit.lower()], subject
+    scale = units[unit.lower()] if unit else None
+    at = names[cells.index(times[0])]
+    return Table(rows, scales, scale, examples, at, seconds, subject, assumed)
 
 
-def _hint(line: str, names: Sequence[str]) -> str:
-    """Return what may be wrong with a header, as the end of a message."""
-    if {";", "\t"} & set(line):
-        return "; separate columns by commas, and write decimals with a point"
-    like = next((name for name in names if re.match(r"time\b|t\b|zeit\b", name, re.I)), None)
-    return f"; if {like!r} is the time in seconds, name it time" if like is not None else ""
+def _has_decimal_commas(rows: Rows) -> bool:
+    cells = [cell for row in rows.cells[:20] for cell in row]
+    return any(re.fullmatch(r"[-+]?\d*,\d+([eE][-+]?\d+)?", cell) for cell in cells)
 
 
 def _positive_number(notes: Mapping[str, str], key: str) -> float | None:
@@ -209,50 +289,6 @@ def _positive_number(notes: Mapping[str, str], key: str) -> float | None:
     return number
 
 
-def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
-    """Read the motion of these joints, or of all, from a table of joint angles.
-
-    Raises:
-        RecordingError: no unit or header, a missing joint, a row of the wrong length, or an entry
-            that is not a finite number; the message names the line.
-    """
-    with named_failures(file):
-        rows, scale, subject = _read_csv(file, ANGLES, ("rad", "deg"))
-        others = [name for name in rows.names if name != "time"]
-        wanted = list(joints) if joints is not None else others
-        if missing := [name for name in wanted if name not in others]:
-            raise RecordingError(
-                f"there is no joint {', '.join(missing)}; there are {', '.join(others)}"
-            )
-        values = rows.columns(["time", *wanted])
-        if scale != 1.0:
-            ask_about_degrees(str(file), values[:, 1:])
-        return Motion(values[:, 0], scale * values[:, 1:], tuple(wanted), subject=subject)
-
-
-def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
-    """Write a motion as the table (CSV) that `read_motion` reads, with all digits.
-
-    Time in s, joint coordinates in rad or m, and what is known of the subject. Velocities, the
-    coordinates before filtering, and the pose of the trunk are not written.
-
-    Raises:
-        ValueError: the name of the file does not end in .csv.
-        OSError: the file cannot be written.
-    """
-    file = Path(path)
-    if file.suffix.lower() != ".csv":
-        raise ValueError(f"path must end in .csv, got {file.name!r}")
-    subject = motion.subject
-    notes = {"unit": "rad", "height": subject.height, "mass": subject.mass}
-    lines = [f"# {key}: {value}" for key, value in notes.items() if value is not None]
-    if subject.name:
-        lines.append(f"# subject: {' '.join(subject.name.split())}")
-    rows = np.column_stack([motion.time, motion.q]).tolist()
-    table = new_table(("time", *motion.joint_names), rows).to_csv()
-    return write_file(file, "\n".join([*lines, table]))
-
-
 def read_marker_table(file: Path) -> Markers:
     """Read all markers in a table; columns that are not of a marker are left out.
 
@@ -261,14 +297,17 @@ def read_marker_table(file: Path) -> Markers:
             not a finite number; the message names the line.
     """
     with named_failures(file):
-        rows, scale, subject = _read_csv(file, LENGTHS, ("mm", "m"))
+        table = read_csv(file, LENGTHS, ("mm", "m"))
+        rows = table.rows
         names = [name.removesuffix("_x") for name in rows.names if name.endswith("_x")]
         names = [name for name in names if {f"{name}_y", f"{name}_z"} <= set(rows.names)]
         if not names:
             raise RecordingError("the header names no marker by NAME_x, NAME_y, NAME_z")
-        cells = rows.columns([f"{name}_{axis}" for name in names for axis in "xyz"], missing=True)
-        positions = scale * cells.reshape(-1, len(names), 3)
-        return Markers(rows.columns(["time"])[:, 0], tuple(names), positions, subject)
+        columns = [f"{name}_{axis}" for name in names for axis in "xyz"]
+        cells = table.scales_of(columns) * rows.columns(columns, missing=True)
+        table.say_assumed(file)
+        positions = cells.reshape(-1, len(names), 3)
+        return Markers(table.times(), tuple(names), positions, table.subject)
 
 
 def read_trc(file: Path) -> Markers:

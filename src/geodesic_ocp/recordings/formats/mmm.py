@@ -129,7 +129,7 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
 
 
 @dataclass(frozen=True)
-class _Texts:
+class Texts:
     """Texts of one kind in the frames of a recording, None where a frame has none.
 
     Attributes:
@@ -155,7 +155,7 @@ class _Texts:
         return np.array(rows).reshape(len(rows), count)
 
 
-def _sources(motion: ElementTree.Element) -> Iterator[tuple[list[str], _Texts, _Texts]]:
+def _sources(motion: ElementTree.Element) -> Iterator[tuple[list[str], Texts, Texts]]:
     """Yield names of joints, times and positions: of the legacy layout, or of every kinematic
     sensor of version 2.0.
     """
@@ -168,16 +168,16 @@ def _sources(motion: ElementTree.Element) -> Iterator[tuple[list[str], _Texts, _
         positions = [each.findtext("JointPosition") for each in frames]
         yield (
             [joint.get("name", "") for joint in joints],
-            _Texts("time", name, times),
-            _Texts("JointPosition", name, positions),
+            Texts("time", name, times),
+            Texts("JointPosition", name, positions),
         )
 
 
 def _motion(
     motion: ElementTree.Element,
     names: list[str],
-    time: _Texts,
-    positions: _Texts,
+    time: Texts,
+    positions: Texts,
     wanted: list[str],
 ) -> Motion:
     subject, times, q = _subject(motion), time.numbers(1)[:, 0], positions.numbers(len(names))
@@ -203,7 +203,7 @@ def _root(motion: ElementTree.Element, time: Array) -> FrameMotion | None:
     legacy = motion.findall("MotionFrames/MotionFrame")
     frames = legacy if sensor is None else sensor.findall("Data/Measurement")
     found = [
-        _Texts(name, "frame", [frame.findtext(name) for frame in frames])
+        Texts(name, "frame", [frame.findtext(name) for frame in frames])
         for name in ("RootPosition", "RootRotation")
     ]
     if not any(text is not None for each in found for text in each.texts):
@@ -211,7 +211,7 @@ def _root(motion: ElementTree.Element, time: Array) -> FrameMotion | None:
     root = root_motion(*(each.numbers(3) for each in found))
     if sensor is None:
         return root
-    own = _Texts("time", "frame", [frame.get("timestep") for frame in frames]).numbers(1)[:, 0]
+    own = Texts("time", "frame", [frame.get("timestep") for frame in frames]).numbers(1)[:, 0]
     if np.array_equal(own, time):
         return root
     covered = own.size > 1 and own[0] <= time[0] and own[-1] >= time[-1]

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
+from geodesic_ocp.recordings.conventions.angle_convention import (
+    AngleConvention,
+    SegmentRelation,
+)
 from geodesic_ocp.recordings.conventions.angle_segments import fits, segments_of_angles
 from geodesic_ocp.recordings.conventions.joint_angles import JOINTS, joint_angles
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention, model_segments
 from geodesic_ocp.recordings.conventions.osim_file import read_osim
 from geodesic_ocp.recordings.conventions.read_convention import as_convention
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.segment_orientations import SIDES, SegmentOrientations
+from geodesic_ocp.recordings.formats.angle_tables import mapped
 from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import Motion
@@ -23,50 +32,100 @@ def read_opensim(
     file: Path,
     joints: Sequence[str] | None = None,
     convention: AngleConvention | OsimConvention | str | Path | None = None,
+    columns: Any = None,
 ) -> Motion:
     """Read the motion of these joints from a .mot or .sto file.
 
     Columns with the names of the Master Motor Map's joints are read as they are. Others are
     converted by the model (.osim) with which they were computed, by a convention of angles, or by
     the built-in one that fits their names. If none fits, or the joints asked for are columns, the
-    motion is that of the columns.
+    motion is that of the columns. Wrists that are asked for, but of which no column says anything,
+    are straight, with a RuntimeWarning.
 
     Args:
         file: to read.
         joints: names, in the order of the result.
         convention: the model's file or an OsimConvention; or an AngleConvention, the name of a
             built-in one, or a JSON file of either.
+        columns: which columns are which joints, instead of a convention, see `as_columns`.
 
     Raises:
         RecordingError: the file or the model is malformed, or the columns do not give the joints;
             names the line or element, or the columns.
     """
     with named_failures(file):
-        chosen = as_convention(convention)
-        if isinstance(chosen, OsimConvention):
-            return _by_model(file, joints, chosen)
-        table = read_coordinates(file, chosen.position if chosen is not None else ())
-        names = table.joint_names
-        ours = [name for name in names if name in JOINTS]
-        if chosen is None and (ours or (joints is not None and set(joints) <= set(names))):
-            return table.select(ours if joints is None else joints)
-        chosen = chosen or _fitting(names)
-        if chosen is not None:
-            columns = dict(zip(names, table.q.T, strict=True))
-            segments = segments_of_angles(chosen, table.time, columns)
-            return _motion(segments, joints, f"convention {chosen.name}")
-        if joints is None:
-            return table
-        raise RecordingError(
-            f"no known convention of joint angles fits its columns {', '.join(names)}; describe "
-            "their rotations by convention= (--convention): the file of the model (.osim) that "
-            "they were computed with, an AngleConvention, or a JSON file of either"
-        )
+        if columns is not None:
+            return mapped(read_coordinates(file), columns, joints)
+        return motion_of_columns(file, partial(read_coordinates, file), joints, convention)
 
 
-def _by_model(file: Path, joints: Sequence[str] | None, convention: OsimConvention) -> Motion:
+def motion_of_columns(
+    file: Path,
+    read: Callable[[Iterable[str]], Motion],
+    joints: Sequence[str] | None,
+    convention: AngleConvention | OsimConvention | str | Path | None,
+) -> Motion:
+    """Return the motion of these joints from the columns of a file, see `read_opensim`.
+
+    Args:
+        file: of the columns, for messages.
+        read: from the names of coordinates in metres to the columns [rad or m].
+        joints, convention: those of `read_opensim`.
+    """
+    chosen = as_convention(convention)
+    if isinstance(chosen, OsimConvention):
+        return _by_model(file, read, joints, chosen)
+    table = read(chosen.position if chosen is not None else ())
+    names = table.joint_names
+    ours = [name for name in names if name in JOINTS]
+    if chosen is None and (ours or (joints is not None and set(joints) <= set(names))):
+        return table.select(ours if joints is None else joints)
+    chosen = chosen or _fitting(names)
+    if chosen is not None:
+        columns = dict(zip(names, table.q.T, strict=True))
+        straight = _unsaid_of_wrists(chosen, names, joints)
+        columns |= {name: np.zeros(len(table)) for each in straight for name in each.columns}
+        segments = segments_of_angles(chosen, table.time, columns)
+        if hands := [each.segment for each in straight if each.segment in segments.rotations]:
+            warnings.warn(
+                f"{file}: no column is of the {' or the '.join(hands)}: the wrist is taken as "
+                "straight, its angles are not measured",
+                RuntimeWarning,
+                stacklevel=3,
+            )
+        return _motion(segments, joints, f"convention {chosen.name}")
+    if joints is None:
+        return table
+    raise RecordingError(
+        f"no known convention of joint angles fits its columns {', '.join(names)}; describe "
+        "their rotations by convention= (--convention): the file of the model (.osim) that "
+        "they were computed with, an AngleConvention, or a JSON file of either"
+    )
+
+
+def _unsaid_of_wrists(
+    convention: AngleConvention, names: Sequence[str], joints: Sequence[str] | None
+) -> list[SegmentRelation]:
+    """Return the relations of hands of whose wrists joints are asked for, but no column is there,
+    as in motions of OpenCap.
+    """
+    hands = {f"{side[0].upper()}W": f"{side} hand" for side in SIDES}
+    asked = {hands.get(joint[:2]) for joint in joints or ()}
+    return [
+        each
+        for each in convention.relations
+        if each.segment in asked and not each.refusal and not set(each.columns) & set(names)
+    ]
+
+
+def _by_model(
+    file: Path,
+    read: Callable[[Iterable[str]], Motion],
+    joints: Sequence[str] | None,
+    convention: OsimConvention,
+) -> Motion:
     model = read_osim(Path(convention.model))
-    table = read_coordinates(file, model.translations)
+    table = read(model.translations)
     names = table.joint_names
     if unclear := [name for name in model.rotations if name in names and is_translation(name)]:
         raise RecordingError(

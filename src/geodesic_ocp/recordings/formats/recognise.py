@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.laboratory import is_qualisys, is_vicon, motion_bids_kind
+from geodesic_ocp.recordings.formats.text_lines import is_time
 from geodesic_ocp.recordings.units import LENGTHS
 
 _HEAD = 1 << 16  # bytes from which a format is told
@@ -35,7 +37,7 @@ _OTHERS = (
 
 def recognise(file: Path) -> str:
     """Return the format of a file, a key of `FORMATS`, from its first bytes; its suffix does not
-    count.
+    count, but for sub-..._motion.tsv of Motion-BIDS, whose columns are named in another file.
 
     Raises:
         RecordingError: the file is missing or of another format; says what it looks like.
@@ -53,6 +55,8 @@ def recognise(file: Path) -> str:
     others = tuple(magic for magic, _ in _OTHERS if len(magic) > 2)  # some have the same "P"
     if head[1:2] == b"\x50" and b"\0" in head[:512] and not head.startswith(others):
         return "c3d"
+    if re.fullmatch(r"sub-.+_motion\.tsv", file.name):
+        return motion_bids_kind(file)
     lines = [line.strip() for line in _text(head).splitlines() if line.strip()]
     for name, each in FORMATS.items():
         if lines and each.is_format(lines):
@@ -73,8 +77,13 @@ def _without_comments(lines: list[str]) -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
-def _is_xml(lines: list[str]) -> bool:
-    return lines[0].startswith("<")
+def _is_mvnx(lines: list[str]) -> bool:
+    return lines[0].startswith("<") and any(re.search(r"<mvnx\b", line) for line in lines[:20])
+
+
+def _is_mmm(lines: list[str]) -> bool:
+    """Return whether it is XML, which is MMM's unless it says otherwise."""
+    return lines[0].startswith("<") and not _is_mvnx(lines)
 
 
 def _is_trc(lines: list[str]) -> bool:
@@ -108,7 +117,7 @@ def _notes(lines: list[str]) -> list[re.Match[str]]:
 
 
 def _is_table(lines: list[str]) -> bool:
-    return bool(_notes(lines)) or "time" in _columns(lines)
+    return bool(_notes(lines)) or any(map(is_time, _columns(lines)))
 
 
 def _is_marker_table(lines: list[str]) -> bool:
@@ -156,16 +165,35 @@ class Format:
         return getattr(module, self.function)(file, *args, **kwargs)
 
 
-_SKELETON = ("convention", "skeleton", "rate", "unit")
+_SKELETON = ("convention", "skeleton", "rate", "unit", "up")
 _MARKERS = ("up", "marker_set")
+_TABLE = ("columns", "fill", "part")
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
-    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_xml),
+    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_mmm),
     "trc": Format("TRC", "markers", "delimited", "read_trc", _MARKERS, _is_trc),
     "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _SKELETON, _is_acclaim),
-    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit"), _is_bvh),
+    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit", "up"), _is_bvh),
     "opensim": Format(
-        "OpenSim .mot and .sto", "angles", "opensim", "read_opensim", ("convention",), _is_opensim
+        "OpenSim .mot and .sto",
+        "angles",
+        "opensim",
+        "read_opensim",
+        ("convention", "columns"),
+        _is_opensim,
+    ),
+    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),
+    "vicon": Format(
+        "CSV of Vicon Nexus", "markers", "laboratory", "read_vicon", _MARKERS, is_vicon
+    ),
+    "qualisys": Format(
+        "Qualisys TSV", "markers", "laboratory", "read_qualisys", _MARKERS, is_qualisys
+    ),
+    "bids angles": Format(
+        "Motion-BIDS (JNTANG)", "angles", "laboratory", "read_motion_bids_angles", ("convention",)
+    ),
+    "bids markers": Format(
+        "Motion-BIDS (POS)", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
     ),
     "marker table": Format(
         "a table of markers (CSV)",
@@ -175,9 +203,9 @@ FORMATS: dict[str, Format] = {
         _MARKERS,
         _is_marker_table,
     ),
-    "table": Format("a table (CSV)", "angles", "delimited", "read_table", (), _is_table),
+    "table": Format("a table (CSV)", "angles", "angle_tables", "read_table", _TABLE, _is_table),
     "c3d": Format("c3d", "markers", "c3d", "read_c3d", _MARKERS),
-    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention",)),
+    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up")),
 }
 
 

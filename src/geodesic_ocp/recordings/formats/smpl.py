@@ -64,17 +64,20 @@ _LARGEST = 1e3  # [rad], of a rotation vector's components
 
 
 def read_smpl(
-    file: Path, convention: SkeletonConvention | str | Path | None = None
+    file: Path,
+    convention: SkeletonConvention | str | Path | None = None,
+    up: str | None = None,
 ) -> SegmentOrientations:
-    """Read the orientations of segments from SMPL's body joints; the space has z up, as in AMASS.
+    """Read the orientations of segments from SMPL's body joints; the space has z up, as in AMASS,
+    unless another axis is given.
 
     The rest pose is a T pose with the palms down. The pose of the trunk is not known: the positions
     of its joints depend on the licensed body model.
 
     Args:
         file: the .npz.
-        convention: another one than `SMPL`, such as `replace(SMPL, space_up="+y")` for data in a
-            space with y up.
+        convention: another one than `SMPL`.
+        up: vertical axis of the space, such as "y"; by default that of the convention, or z.
 
     Raises:
         RecordingError: the file is no such archive, an array is missing, of another shape or not
@@ -83,7 +86,7 @@ def read_smpl(
     with named_failures(file):
         chosen = as_skeleton_convention(convention) or SMPL
         motion = _motion(_arrays(file))
-        return skeleton_segments(motion, chosen, space_up="+z")
+        return skeleton_segments(motion, chosen, space_up="+z", up=up)
 
 
 def _motion(arrays: dict[str, Array]) -> SkeletonMotion:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,3 +68,17 @@ def numbers(line: int, what: str, words: Sequence[str], count: int) -> list[floa
         if not math.isfinite(value) or abs(value) > _LARGEST:
             raise RecordingError(f"line {line}: {what} has the value {value:g}")
     return values
+
+
+_TIMES = ("time", "t", "zeit", "timestamp")
+
+
+def name_and_unit(cell: str) -> tuple[str, str]:
+    """Return a column's name and unit: "Time (s)" is Time in s; the unit may be empty."""
+    found = re.fullmatch(r"(.*?)\s*[(\[]\s*([^)\]]*?)\s*[)\]]", cell)
+    return (found[1], found[2].lower()) if found and found[1] else (cell, "")
+
+
+def is_time(cell: str) -> bool:
+    """Return whether a column of this name is the time."""
+    return name_and_unit(cell)[0].lower() in _TIMES

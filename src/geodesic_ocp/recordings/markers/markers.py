@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, cast, get_args
 
@@ -68,6 +69,16 @@ class Markers:
             f"Markers({len(self)} samples of {len(self.names)} markers, {missing:.1%} missing, "
             f"{self.time[-1] - self.time[0]:.3g} s)"
         )
+
+
+def without_prefix(labels: Sequence[str]) -> tuple[list[str], str]:
+    """Get labels without the subject before a colon, if they then still differ; and the subject."""
+    split = [label.rpartition(":") for label in labels]
+    names = [name.strip() for _, _, name in split]
+    if "" in names or len(set(names)) < len(names):
+        return list(labels), ""
+    prefixes = {prefix for prefix, _, _ in split if prefix}
+    return names, prefixes.pop() if len(prefixes) == 1 else ""
 
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]

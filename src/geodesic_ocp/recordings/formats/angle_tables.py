@@ -1,0 +1,280 @@
+"""Tables of joint angles (CSV): columns of other names, and samples that are missing.
+
+A table may name its columns as it likes, if `columns` says which joint each one is, with its sign,
+unit and offset. Where cells are empty or nan, short gaps are bridged on request, and long ones
+divide the recording into parts.
+"""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.delimited import Table, read_csv
+from geodesic_ocp.recordings.formats.text_lines import named_failures, read_lines
+from geodesic_ocp.recordings.recording import ask_about_degrees
+from geodesic_ocp.recordings.units import ANGLES
+from geodesic_ocp.records import write_file
+from geodesic_ocp.tables import new_table
+from geodesic_ocp.trajectory.motion import Motion
+
+_SHORTEST = 0.5  # [s] of a part between gaps
+
+
+@dataclass(frozen=True)
+class Column:
+    """Which column of a table is a joint's angle: sign * value + offset, in its unit.
+
+    Attributes:
+        name: name of the column.
+        sign: 1 or -1.
+        unit: "rad" or "deg", of column and offset; None: that of the table, or radians for the
+            offset in OpenSim's tables, which are converted as they state.
+        offset: added to the angle.
+
+    Raises:
+        ValueError: another sign or unit.
+    """
+
+    name: str
+    sign: float = 1.0
+    unit: str | None = None
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if as_number(f"sign of {self.name}", self.sign) not in (1.0, -1.0):
+            raise ValueError(f"sign of {self.name} must be 1 or -1, got {self.sign!r}")
+        if self.unit is not None and self.unit.lower() not in ANGLES:
+            raise ValueError(f"unit of {self.name} must be rad or deg, got {self.unit!r}")
+        as_number(f"offset of {self.name}", self.offset)
+
+    def radians(self, default: float = 1.0) -> float:
+        """Return radians in the column's unit, or in another by default."""
+        return default if self.unit is None else ANGLES[self.unit.lower()]
+
+
+def as_columns(given: Any) -> dict[str, Column]:
+    """Return columns by joint, from a mapping or from a table (CSV) ours,theirs,sign,unit,offset.
+
+    Args:
+        given: names of columns, or Column objects or mappings of their attributes, by joint (and
+            the column of time, by "time"); or the path of a table, in which sign, unit and offset
+            may be missing or empty.
+
+    Raises:
+        RecordingError: the file cannot be read, or its columns are others.
+        ValueError: no joint, or attributes that a Column does not have.
+    """
+    if isinstance(given, (str, PathLike)):
+        return _from_file(Path(given))
+    if not isinstance(given, Mapping) or not given:
+        raise ValueError(f"columns must give names of columns by joint, or a file, got {given!r}")
+    found = {}
+    for joint, each in given.items():
+        try:
+            known = {"name": each} if isinstance(each, str) else each
+            found[joint] = each if isinstance(each, Column) else Column(**known)
+        except TypeError:
+            raise ValueError(
+                f"columns[{joint!r}] must be the name of a column, or its name, sign, unit and "
+                f"offset, got {each!r}"
+            ) from None
+    return found
+
+
+def _from_file(file: Path) -> dict[str, Column]:
+    with named_failures(file):
+        rows = [row for row in csv.reader(read_lines(file)) if any(map(str.strip, row))]
+        header = [cell.strip().lower() for cell in rows[0]] if rows else []
+        known = ("ours", "theirs", "sign", "unit", "offset")
+        if not {"ours", "theirs"} <= set(header) <= set(known):
+            raise RecordingError(f"its header must be {','.join(known)}, is {','.join(header)!r}")
+        found = {}
+        for number, row in enumerate(rows[1:], 2):
+            cells = {key: cell.strip() for key, cell in zip(header, row, strict=False)}
+            given: dict[str, Any] = {key: text for key, text in cells.items() if text}
+            joint, given["name"] = given.pop("ours", ""), given.pop("theirs", "")
+            if not joint or not given["name"] or joint in found:
+                raise RecordingError(f"row {number} must name a joint of its own and a column")
+            for key in ("sign", "offset"):
+                if key in given:
+                    given[key] = float(given[key])
+            found[joint] = Column(**given)
+        if not found:
+            raise RecordingError("names no joint")
+        return found
+
+
+def read_table(
+    file: Path,
+    joints: Sequence[str] | None = None,
+    columns: Any = None,
+    fill: float | None = None,
+    part: int | None = None,
+) -> Motion:
+    """Read the motion of these joints, or of all, from a table of joint angles.
+
+    Args:
+        file: to read.
+        joints: names, in the order of the result.
+        columns: see `as_columns`.
+        fill: longest gap [s] that is bridged by interpolation; None: none may be.
+        part: number, from 1, of the part between longer gaps.
+
+    Raises:
+        Gaps: cells are empty or nan, beyond those that are bridged.
+        RecordingError: no unit or header, a missing joint, a row of the wrong length, or an entry
+            that is not a number; the message names the line.
+    """
+    with named_failures(file):
+        chosen = None if columns is None else as_columns(columns)
+        of_time = None if chosen is None else chosen.pop("time", None)
+        named = None if of_time is None else of_time.name
+        table = read_csv(file, ANGLES, ("rad", "deg"), named)
+        time, values, wanted = _angles(file, table, joints, chosen)
+        table.say_assumed(file)
+        time, values = _complete(file, time, values, wanted, fill, part)
+        return Motion(time, values, tuple(wanted), subject=table.subject)
+
+
+def _angles(
+    file: Path, table: Table, joints: Sequence[str] | None, columns: dict[str, Column] | None
+) -> tuple[Array, Array, list[str]]:
+    """Return times [s], angles [rad] with NaN where they are missing, and the joints."""
+    rows, others = table.rows, table.others
+    if columns is None:
+        names = {name.lower().removesuffix("_joint"): name for name in others}
+        wanted = others if joints is None else list(joints)
+        same = {
+            j: j if j in others else names.get(j.lower().removesuffix("_joint"), j) for j in wanted
+        }
+        table.assumed.extend(f"{n!r} as {j}" for j, n in same.items() if n != j and n in others)
+        columns = {joint: Column(name) for joint, name in same.items()}
+        absent = "there is no joint {}; there are {}"
+    else:
+        absent = "there is no column {}; there are {}"
+        wanted = list(columns) if joints is None else list(joints)
+        if unknown := [joint for joint in wanted if joint not in columns]:
+            raise RecordingError(f"columns give no joint {', '.join(unknown)}")
+    chosen = [columns[joint] for joint in wanted]
+    if missing := [each.name for each in chosen if each.name not in others]:
+        raise RecordingError(absent.format(", ".join(missing), ", ".join(others)))
+    names_of = [each.name for each in chosen]
+    raw = rows.columns(names_of, missing=True)
+    own = [each.name for each in chosen if each.unit is None]
+    scales = dict(zip(own, table.scales_of(own), strict=True))
+    factors = np.array([each.radians(scales.get(each.name, 1.0)) for each in chosen])
+    if np.all(factors != 1.0) and raw.size and not np.isnan(raw).any():
+        ask_about_degrees(str(file), raw)
+    signs, offsets = (np.array([getattr(c, k) for c in chosen]) for k in ("sign", "offset"))
+    return table.times(), factors * (signs * raw + offsets), wanted
+
+
+def _bare(name: str) -> str:
+    return name.lower().removesuffix("_joint")
+
+
+class Gaps(RecordingError):
+    """Samples of a recording are missing; `parts` has start and end [s] of the parts between."""
+
+    def __init__(self, message: str, parts: Sequence[tuple[float, float]] = ()) -> None:
+        super().__init__(message)
+        self.parts = tuple(parts)
+
+
+def _complete(
+    file: Path, time: Array, q: Array, joints: Sequence[str], fill: float | None, part: int | None
+) -> tuple[Array, Array]:
+    """Return the samples of a part, or of all, with short gaps bridged.
+
+    Raises:
+        Gaps: there are longer ones, and no part is asked for.
+        ValueError: there is no such part.
+    """
+    missing = np.isnan(q)
+    if not missing.any() and part in (None, 1):
+        return time, q
+    q, bridged = q.copy(), 0
+    for column in range(q.shape[1]):
+        known = np.flatnonzero(~missing[:, column])
+        gaps = np.flatnonzero(np.diff(known) > 1)
+        if fill is not None and known.size > 1 and gaps.size:
+            short = np.diff(time[known])[gaps] <= fill * (1.0 + 1e-9)
+            curve = scipy.interpolate.Akima1DInterpolator(
+                time[known], q[known, column], method="makima"
+            )
+            for gap in gaps[short]:
+                inside = np.arange(known[gap] + 1, known[gap + 1])
+                q[inside, column] = curve(time[inside])
+            bridged += int(short.sum())
+    gone = np.isnan(q)
+    rows = np.flatnonzero(~gone.any(axis=1))
+    runs = [each for each in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if each.size]
+    parts = [each for each in runs if time[each[-1]] - time[each[0]] >= _SHORTEST]
+    spans = [(float(time[each[0]]), float(time[each[-1]])) for each in parts]
+    whole = len(runs) == 1 and len(parts) == 1 and fill is not None  # ends alone may be missing
+    if part is None and gone.any() and not whole:
+        row, column = np.argwhere(gone)[0]
+        between = ", ".join(f"{start:.2f} to {end:.2f} s" for start, end in spans)
+        lacking = int(gone.any(axis=1).sum())
+        raise Gaps(
+            f"{file}: {joints[column]} is missing at {time[row]:.3f} s; in all {lacking} of "
+            f"{len(time)} samples lack a joint. fill=0.1 (--fill 0.1) bridges gaps of up to "
+            f"0.1 s; part=1 (--part 1), ... reads the parts apart that are whole for "
+            f"{_SHORTEST:g} s or more: {between or 'there is none'}",
+            spans,
+        )
+    if part is not None and not 1 <= part <= len(parts):
+        raise ValueError(f"part must be a number from 1 to {len(parts)}, got {part}")
+    kept = np.arange(len(time)) if not gone.any() and part is None else parts[(part or 1) - 1]
+    done = [f"{bridged} gap{'s'[: bridged - 1]} of up to {fill:g} s bridged"] if bridged else []
+    if kept.size < len(time):
+        done.append(f"the part from {time[kept[0]]:.2f} to {time[kept[-1]]:.2f} s alone")
+    if done:
+        warnings.warn(f"{file}: read with {' and '.join(done)}", RuntimeWarning, stacklevel=4)
+    return time[kept], q[kept]
+
+
+def mapped(motion: Motion, columns: Any, joints: Sequence[str] | None) -> Motion:
+    """Return a motion [rad] with the joints that columns of other names are."""
+    chosen = as_columns(columns)
+    wanted = list(chosen) if joints is None else list(joints)
+    if unknown := [joint for joint in wanted if joint not in chosen]:
+        raise RecordingError(f"columns give no joint {', '.join(unknown)}")
+    raw = motion.select([chosen[joint].name for joint in wanted])
+    signs, offsets = (np.array([getattr(chosen[j], k) for j in wanted]) for k in ("sign", "offset"))
+    q = signs * raw.q + offsets * [chosen[joint].radians() for joint in wanted]
+    return Motion(raw.time, q, tuple(wanted), subject=motion.subject)
+
+
+def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
+    """Write a motion as the table (CSV) that `read_motion` reads, with all digits.
+
+    Time in s, joint coordinates in rad or m, and what is known of the subject. Velocities, the
+    coordinates before filtering, and the pose of the trunk are not written.
+
+    Raises:
+        ValueError: the name of the file does not end in .csv.
+        OSError: the file cannot be written.
+    """
+    file = Path(path)
+    if file.suffix.lower() != ".csv":
+        raise ValueError(f"path must end in .csv, got {file.name!r}")
+    subject = motion.subject
+    notes = {"unit": "rad", "height": subject.height, "mass": subject.mass}
+    lines = [f"# {key}: {value}" for key, value in notes.items() if value is not None]
+    if subject.name:
+        lines.append(f"# subject: {' '.join(subject.name.split())}")
+    rows = np.column_stack([motion.time, motion.q]).tolist()
+    table = new_table(("time", *motion.joint_names), rows).to_csv()
+    return write_file(file, "\n".join([*lines, table]))

@@ -1,0 +1,189 @@
+"""MVNX of Xsens MVN: the orientations and positions of a person's segments, in XML.
+
+The frames of type "normal" are the motion: for every segment a unit quaternion (w, x, y, z), which
+turns its axes into those of the space (z up), and the position of its origin, the joint before it
+[m]. The T pose, from which orientations are counted, is the frame of type "identity" or "tpose".
+Joint angles, sensors, fingers and props are not read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import scipy
+
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.skeleton_convention import (
+    SkeletonConvention,
+    as_skeleton_convention,
+)
+from geodesic_ocp.recordings.conventions.skeleton_segments import (
+    Skeleton,
+    SkeletonMotion,
+    skeleton_segments,
+)
+from geodesic_ocp.recordings.formats.mmm import Texts, xml_root
+from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.trajectory.motion import Subject
+
+_REST = ("identity", "tpose")
+_POSE = {"orientation": 4, "position": 3}  # numbers of a segment
+_LATE, _SAME_RATE = 0.01, 0.01  # [s], and part, by which two times of a frame may differ
+_UNIT = 0.01  # by which the length of a quaternion may differ from one
+_FARTHEST = 1e5  # [m]
+# Directions of bones of so many metres by positions and by orientations, and how far they differ.
+_LONG, _APART = 0.15, 10.0  # [m], [deg]
+
+
+def read_mvnx(
+    file: Path, convention: SkeletonConvention | str | Path | None = None
+) -> SegmentOrientations:
+    """Read the orientations of segments and the pose of the trunk of the person in an MVNX file.
+
+    Args:
+        file: the .mvnx.
+        convention: another one than that of MVN's names of segments.
+
+    Raises:
+        RecordingError: the XML is broken or has not one person, a frame lacks numbers, there is no
+            T pose, or positions and orientations contradict each other.
+    """
+    with named_failures(file):
+        root = xml_root(file)
+        subjects = root.findall("{*}subject")
+        if len(subjects) != 1:
+            raise RecordingError(
+                f"<{root.tag.rpartition('}')[2]}> has {len(subjects)} <subject>; MVNX with one "
+                "is read: export each person by itself"
+            )
+        subject = subjects[0]
+        names = [each.get("label", "") for each in subject.findall("{*}segments/{*}segment")]
+        if not names:
+            raise RecordingError("there is no <segment> in <segments>")
+        frames = subject.findall("{*}frames/{*}frame")
+        kinds = [frame.get("type", "normal") for frame in frames]
+        rest = next((frames[kinds.index(kind)] for kind in _REST if kind in kinds), None)
+        if rest is None:
+            raise RecordingError(
+                "there is no <frame> of type identity or tpose, which give the T pose; export it "
+                "with the calibration frames"
+            )
+        moving = [frame for frame, kind in zip(frames, kinds, strict=True) if kind == "normal"]
+        if len(moving) < 2:
+            raise RecordingError(f"a motion needs two <frame> of type normal, has {len(moving)}")
+        motion = _motion(
+            names,
+            _parents(subject, names),
+            _time(subject, moving),
+            _poses([rest], "T pose", len(names)),
+            _poses(moving, "frame", len(names)),
+        )
+        person = Subject(name=subject.get("label", ""))
+        chosen = as_skeleton_convention(convention)
+        return skeleton_segments(motion, chosen, 1.0, person, space_up="+z")
+
+
+def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
+    """Return the index of the segment before each: joints connect "Pelvis/jL5S1" to "L5/jL5S1"."""
+    parents = [-1] * len(names)
+    for joint in subject.findall("{*}joints/{*}joint"):
+        ends = [joint.findtext(f"{{*}}connector{k}", "").partition("/")[0] for k in (1, 2)]
+        if not set(ends) <= set(names):
+            raise RecordingError(f"the joint {joint.get('label')} connects {' and '.join(ends)}")
+        before, after = map(names.index, ends)
+        if before >= after:
+            raise RecordingError(f"the segment {ends[1]} must come after {ends[0]}")
+        parents[after] = before
+    return tuple(parents)
+
+
+def _time(subject: Element, frames: list[Element]) -> Array:
+    """Return times [s]: by the index of each frame and frameRate, or those in milliseconds."""
+    rate = subject.get("frameRate")
+    steps = {"time": 1e-3}
+    if rate is not None:
+        steps["index"] = 1.0 / as_positive("frameRate", float(rate), "Hz")
+    times = {}
+    for name, step in steps.items():
+        if all(frame.get(name) for frame in frames):
+            texts = Texts(name, "frame", [frame.get(name) for frame in frames])
+            with np.errstate(over="ignore", invalid="ignore"):  # of damaged files
+                times[name] = step * (texts.numbers(1) - texts.numbers(1)[:1])[:, 0]
+    if not times:
+        raise RecordingError("frames have neither time nor index with a frameRate")
+    if len(times) == 2:
+        ends = [float(each[-1]) for each in times.values()]
+        if not abs(ends[0] - ends[1]) <= _LATE + _SAME_RATE * abs(ends[0]):
+            raise RecordingError(
+                f"the last frame is at {ends[0]:g} s by its time, at {ends[1]:g} s by its index "
+                f"and frameRate {rate}"
+            )
+    return times["index" if "index" in times else "time"]
+
+
+def _poses(frames: list[Element], what: str, count: int) -> tuple[Array, Array]:
+    """Return rotations (k, n, 3, 3) and positions (k, n, 3) of the segments."""
+    texts = {name: [each.findtext(f"{{*}}{name}") for each in frames] for name in _POSE}
+    quaternions, positions = (
+        Texts(name, what, texts[name]).numbers(size * count).reshape(len(frames), count, size)
+        for name, size in _POSE.items()
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        bad = ~(np.abs(np.linalg.norm(quaternions, axis=2) - 1.0) < _UNIT)
+        bad |= ~np.all(np.abs(positions) < _FARTHEST, axis=2)
+    for frame, segment in np.argwhere(bad)[:1].tolist():
+        raise RecordingError(
+            f"{what} {frame}: segment {segment} has the orientation {quaternions[frame, segment]} "
+            f"and the position {positions[frame, segment]} m"
+        )
+    rotation = scipy.spatial.transform.Rotation
+    matrices = rotation.from_quat(quaternions.reshape(-1, 4)[:, [1, 2, 3, 0]]).as_matrix()
+    return matrices.reshape(len(frames), count, 3, 3), positions
+
+
+def _motion(
+    names: list[str],
+    parents: tuple[int, ...],
+    time: Array,
+    rest: tuple[Array, Array],
+    moved: tuple[Array, Array],
+) -> SkeletonMotion:
+    """Return the motion of the skeleton that rests in the T pose, in axes of its first segment.
+
+    Raises:
+        RecordingError: a long bone has another direction by positions than by orientations.
+    """
+    (resting,), (places,) = rest
+    rotations = moved[0] @ np.swapaxes(resting, 1, 2) @ resting[:1]
+    offsets, steps = places.copy(), moved[1].copy()
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            offsets[joint] = (places[joint] - places[parent]) @ resting[0]
+            steps[:, joint] = moved[1][:, joint] - moved[1][:, parent]
+            steps[:, joint] = np.einsum("kji,kj->ki", rotations[:, parent], steps[:, joint])
+            apart = _angles(offsets[joint], steps[:, joint])
+            if np.linalg.norm(offsets[joint]) > _LONG and not np.median(apart) < _APART:
+                raise RecordingError(
+                    f"from {names[parent]} to {names[joint]} the positions are in another "
+                    f"direction than the orientations, by {np.median(apart):.0f} deg (median): "
+                    "these are not the orientations of MVN's segments"
+                )
+
+    def rotation(joint: int) -> Array:
+        before = rotations[:, parents[joint]] if parents[joint] >= 0 else np.eye(3)[None]
+        relative: Array = np.swapaxes(before, 1, 2) @ rotations[:, joint]
+        return relative
+
+    skeleton = Skeleton(tuple(names), parents, offsets)
+    return SkeletonMotion(skeleton, time, rotation, lambda joint: np.array(steps[:, joint]))
+
+
+def _angles(offset: Array, steps: Array) -> Array:
+    """Return angles (k,) [deg] between a vector (3,) and others (k, 3)."""
+    sines = np.linalg.norm(np.cross(offset, steps), axis=1)
+    angles: Array = np.degrees(np.arctan2(sines, steps @ offset))
+    return angles
