@@ -56,8 +56,8 @@ _LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 _OUTSIDE, _OFTEN = np.radians(10.0), 0.2  # [rad], and share of the samples
 # A shoulder whose first and last axis are this near to parallel, and turn so far in one sample.
 _NEARLY_LOCKED, _FAST = 0.17, 0.5  # cosine of Sz, [rad]
-PASSIVE = np.radians(30.0)  # [rad] range of every joint, below which an arm is passive
-PASSIVE_REASON = "this arm is passive: no joint moves by more than 30 deg"
+PASSIVE = np.radians(20.0)  # [rad] range of every joint, below which an arm is passive
+PASSIVE_REASON = "this arm is passive: no joint moves by more than 20 deg"
 _STILL = 3.2  # a range of angles that is all of a motion in radians, and hardly one in degrees
 
 

@@ -53,7 +53,7 @@ def study(
 
     Recordings of a person are not independent: all means, intervals and tests are over the means
     of subjects, so that each subject counts the same, however many recordings there are.
-    Recordings of a passive arm, in which no joint moves by more than 30 degrees, are left out and
+    Recordings of a passive arm, in which no joint moves by more than 20 degrees, are left out and
     counted among the failures, unless all are passive.
 
     Args:
