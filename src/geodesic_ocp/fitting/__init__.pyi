@@ -10,6 +10,8 @@ from .metric_fit import load_metric as load_metric
 from .metric_fit import save_metric as save_metric
 from .parameter import Parameter as Parameter
 from .resampling import CrossValidation as CrossValidation
+from .resampling import Heterogeneity as Heterogeneity
 from .resampling import bootstrap_fit as bootstrap_fit
+from .resampling import heterogeneity as heterogeneity
 from .resampling import leave_one_out as leave_one_out
 from .resampling import separate_fits as separate_fits

@@ -72,8 +72,8 @@ def read_motion(
         path: path of the file.
         joints: names of the joints to read, in the order of the result; all by default.
         convention: convention of the joint angles of an OpenSim file, which may be the file of its
-            model (.osim), or of the skeleton of an AMC, BVH or .npz file; by default the known one
-            that fits the names in the file.
+            model (.osim), or of the skeleton of an AMC, BVH, MVNX or .npz file; by default the
+            known one that fits the names in the file.
         skeleton: file (.asf) that belongs to an AMC file; by default the one beside it.
         rate: rate of an AMC file [Hz], which does not contain it; 120 Hz by default.
         unit: unit of lengths in a BVH or AMC file: "m", "cm", "mm", "in" or a number of metres.

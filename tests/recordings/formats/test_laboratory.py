@@ -167,6 +167,14 @@ def test_angles_of_motion_bids(tmp_path: Path) -> None:
     assert motion.q == pytest.approx(
         np.array([[0.1, 10.0], [0.2, 11.0], [0.3, 12.0]]) * [1, np.pi / 180]
     )
+    renamed = go.read_motion(
+        tmp_path / "sub-01_motion.tsv", columns={"RSx_joint": {"name": "BPz_joint", "sign": -1}}
+    )
+    assert renamed.q == pytest.approx(-motion.q[:, 1:])
+    write(tmp_path, "sub-01_motion.tsv", BIDS["sub-01_motion.tsv"].replace("0.2\t11", "n/a\t11"))
+    assert np.array_equal(
+        go.read_motion(tmp_path / "sub-01_motion.tsv", ["BPz_joint"]).q, motion.q[:, 1:]
+    )
     columns = ("arm_flex_r", "arm_add_r", "arm_rot_r")
     lines = [f"{name}\tn/a\tJNTANG\tn/a\tdeg" for name in columns]
     lines = [*BIDS["sub-01_channels.tsv"].splitlines()[:1], *lines, "t\tn/a\tLATENCY\tn/a\ts"]
@@ -196,7 +204,8 @@ def test_angles_of_motion_bids(tmp_path: Path) -> None:
         ("channels", "trunk\tdeg", "trunk\trpm", "BPz_joint has the unit 'rpm', not rad or deg"),
         ("channels", "speed.*\n", "", "line 1 has 3 entries, 2 are needed"),
         ("channels", "BPz", "BPx", "BPx_joint more than once"),
-        ("motion", "^0.2", "n/a", "line 2: BPx_joint is not a number"),
+        ("motion", "^0.2", "soon", "line 2: BPx_joint is not a number"),
+        ("motion", "^0.2", "n/a", r"BPx_joint is missing at 0\.010 s; .*\(--fill 0\.1"),
         ("motion", "^0.2", "20", "BPx_joint .* degrees"),
     ],
 )
@@ -213,5 +222,11 @@ def test_motion_bids_without_the_files_beside_it(tmp_path: Path) -> None:
     with pytest.raises(go.RecordingError, match=r"sub-01_channels\.tsv, .* is not beside it"):
         recognise(file)
     write(tmp_path, "sub-01_channels.tsv", BIDS["sub-01_channels.tsv"])
-    with pytest.raises(go.RecordingError, match=r"sub-01_motion\.json, .* is not beside it"):
+    for content in ("", "7", "[]"):
+        if content:
+            write(tmp_path, "sub-01_motion.json", content)
+        with pytest.raises(go.RecordingError, match=r"no sub-01_motion\.json .* gives Sampling"):
+            go.read_motion(file)
+    write(tmp_path, "sub-01_motion.json", '{"SamplingFrequency": "n/a"}')
+    with pytest.raises(go.RecordingError, match="the rate of frames must be"):
         go.read_motion(file)

@@ -143,7 +143,7 @@ def read_table(
         table = read_csv(file, ANGLES, ("rad", "deg"), named)
         time, values, wanted = _angles(file, table, joints, chosen)
         table.say_assumed(file)
-        time, values = _complete(file, time, values, wanted, fill, part)
+        time, values = complete(file, time, values, wanted, fill, part)
         return Motion(time, values, tuple(wanted), subject=table.subject)
 
 
@@ -192,7 +192,7 @@ class Gaps(RecordingError):
         self.parts = tuple(parts)
 
 
-def _complete(
+def complete(
     file: Path, time: Array, q: Array, joints: Sequence[str], fill: float | None, part: int | None
 ) -> tuple[Array, Array]:
     """Return the samples of a part, or of all, with short gaps bridged.

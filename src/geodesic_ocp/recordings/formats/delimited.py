@@ -101,7 +101,7 @@ def _finite_number(where: str, name: str, text: str) -> float:
     return number
 
 
-def _split(line: str, separator: str | None) -> list[str]:
+def split_line(line: str, separator: str | None) -> list[str]:
     """Return the entries of a line; a separator of None is any white space."""
     entries = (
         line.split() if separator is None else next(csv.reader([line], delimiter=separator), [])
@@ -124,7 +124,7 @@ def _read_rows(
     found = Rows(tuple(names), [], [])
     for number, line in enumerate(lines[start:], start + 1):
         if line.strip(" \t" if separator == "," else " ,\t"):
-            entries = _split(line, separator)
+            entries = split_line(line, separator)
             if separator != ",":  # lines of programs often end with separators
                 while len(entries) > len(names) and not entries[-1]:
                     entries.pop()
@@ -136,12 +136,14 @@ def _read_rows(
     return found
 
 
-def _check_names(where: str, names: Sequence[str]) -> None:
+def check_names(where: str, names: Sequence[str]) -> None:
+    """Raise RecordingError if a name occurs twice; the message begins with where they are."""
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise RecordingError(f"{where} names {', '.join(twice)} more than once")
 
 
-def _compare(file: Path, header: Mapping[str, str], key: str, what: str, found: int) -> None:
+def compare_count(file: Path, header: Mapping[str, str], key: str, what: str, found: int) -> None:
+    """Yield a RuntimeWarning if a header states another count than was found."""
     if key in header and header[key] != str(found):
         warnings.warn(
             f"{file}: its header says {header[key][:40]} {what}, it has {found}; these are read",
@@ -238,7 +240,7 @@ def read_csv(
     if unit and unit.lower() not in units:
         raise _no_unit(examples, unit)
     separator = next(each for each in (";", "\t", ",") if each in lines[first] or each == ",")
-    cells = _split(lines[first], separator)
+    cells = split_line(lines[first], separator)
     wanted = "time" if time is None else time
     times = [cell for cell in cells if cell == wanted] or [cell for cell in cells if is_time(cell)]
     if not times or len(cells) < 2:
@@ -259,7 +261,7 @@ def read_csv(
         elif own in units:
             scales[name] = units[own]
         names.append(name if cell == times[0] or own in units else cell)
-    _check_names("the header", names)
+    check_names("the header", names)
     height, mass = (_positive_number(notes, key) for key in ("height", "mass"))
     rows = _read_rows(lines, first + 1, names, separator)
     if separator != "," and _has_decimal_commas(rows):
@@ -321,7 +323,7 @@ def read_trc(file: Path) -> Markers:
         lines = "\n".join(read_lines(file)).splitlines()
         if len(lines) < 5:
             raise RecordingError(f"is cut off after {len(lines)} lines, within the header")
-        keys, values, cells = (_split(line, _trc_separator(line)) for line in lines[1:4])
+        keys, values, cells = (split_line(line, _trc_separator(line)) for line in lines[1:4])
         header = dict(zip(keys, values, strict=False))
         unit = header.get("Units", "")
         if unit.lower() not in LENGTHS:
@@ -334,7 +336,7 @@ def read_trc(file: Path) -> Markers:
         names = [name for _, name in named]
         if not named:
             raise RecordingError("line 4 names no markers")
-        _check_names("line 4", names)
+        check_names("line 4", names)
         apart = all((index - 2) % 3 == 0 for index, _ in named) and len(cells) > len(names) + 2
         if not apart and any(index != place for place, (index, _) in enumerate(named, start=2)):
             raise RecordingError("line 4: the names of markers must be three columns apart")
@@ -348,8 +350,8 @@ def read_trc(file: Path) -> Markers:
         expected = f"{{}} are needed for frame, time and {len(names)} markers"
         separator = _trc_separator(lines[first]) if first < len(lines) else None
         rows = _read_rows(lines, first, columns, separator, expected)
-        _compare(file, header, "NumFrames", "frames", len(rows.cells))
-        _compare(file, header, "NumMarkers", "markers", len(names))
+        compare_count(file, header, "NumFrames", "frames", len(rows.cells))
+        compare_count(file, header, "NumMarkers", "markers", len(names))
         indices = [index + k for index in starts for k in range(3)]
         positions = rows.at(indices, missing=True).reshape(-1, len(names), 3)
         some = np.isnan(positions).any(axis=2) & ~np.isnan(positions).all(axis=2)
@@ -401,7 +403,7 @@ def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
         if first == len(lines):
             raise RecordingError("no line with the names of columns follows endheader")
         separator = next((each for each in "\t," if each in lines[first]), None)
-        labels = _split(lines[first].rstrip(" ,\t"), separator)
+        labels = split_line(lines[first].rstrip(" ,\t"), separator)
         if labels[0].lower() != "time" or len(labels) < 2:
             raise RecordingError(
                 f"line {first + 1} must name the columns, time first, is {lines[first][:60]!r}"
@@ -414,10 +416,10 @@ def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
             is_coordinate = [state is not None and state["kind"] == "value" for state in states]
         kept = [k for k, each in enumerate(is_coordinate) if k and each]
         names = [labels[k] if (state := states[k]) is None else state["coordinate"] for k in kept]
-        _check_names(f"line {first + 1}", names)
+        check_names(f"line {first + 1}", names)
         rows = _read_rows(lines, first + 1, labels, separator, "the names of columns {}")
-        _compare(file, header, "nrows", "rows", len(rows.cells))
-        _compare(file, header, "ncolumns", "columns", len(labels))
+        compare_count(file, header, "nrows", "rows", len(rows.cells))
+        compare_count(file, header, "ncolumns", "columns", len(labels))
         values = rows.at(range(len(labels)))
         q = values[:, kept].reshape(len(values), len(names))
         angles = [

@@ -28,6 +28,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice, pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,8 @@ from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
-from geodesic_ocp.recordings.formats.delimited import Rows, _check_names, _compare, _split
+from geodesic_ocp.recordings.formats.angle_tables import as_columns, complete
+from geodesic_ocp.recordings.formats.delimited import Rows, check_names, compare_count, split_line
 from geodesic_ocp.recordings.formats.opensim import motion_of_columns
 from geodesic_ocp.recordings.formats.text_lines import named_failures, numbers, read_lines
 from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
@@ -56,7 +58,9 @@ def _rows(lines: Sequence[str], start: int, names: Sequence[str], separator: str
     found = Rows(tuple(names), [], [])
     for number, line in enumerate(lines[start:], start + 1):
         if line.strip(" "):
-            entries = ["" if each.lower() == "n/a" else each for each in _split(line, separator)]
+            entries = [
+                "" if each.lower() == "n/a" else each for each in split_line(line, separator)
+            ]
             while len(entries) > len(names) and not entries[-1]:
                 entries.pop()
             if len(entries) != len(names):
@@ -99,7 +103,7 @@ def read_vicon(file: Path) -> Markers:
         start = sections["Trajectories"]
         head = lines[start + 1 : start + 5]
         separator = next((each for each in "\t;," if each in "".join(head[2:3])), ",")
-        labels, axes, units = (_split(line, separator) for line in [*head, "", "", ""][1:4])
+        labels, axes, units = (split_line(line, separator) for line in [*head, "", "", ""][1:4])
         (rate,) = numbers(start + 2, "the rate", [head[0].strip(_BLANK)], 1)
         if [each.lower() for each in axes[:2]] != ["frame", "sub frame"]:
             raise RecordingError(
@@ -175,23 +179,25 @@ def read_qualisys(file: Path) -> Markers:
     with named_failures(file):
         lines = read_lines(file)
         first = next((k for k, line in enumerate(lines) if not _KEY.match(line)), len(lines))
-        header = {key: values for key, *values in (_split(line, "\t") for line in lines[:first])}
+        header = {
+            key: values for key, *values in (split_line(line, "\t") for line in lines[:first])
+        }
         names = [name for name in header.get("MARKER_NAMES", []) if name]
         if not names:
             held = " ".join(header.get("DATA_INCLUDED", ["other"]))
             raise RecordingError(f"its header has no line MARKER_NAMES; it is of {held} data")
-        _check_names("MARKER_NAMES", names)
+        check_names("MARKER_NAMES", names)
         line = next((k for k, each in enumerate(lines[:first]) if each.startswith("FREQ")), first)
         (rate,) = numbers(line + 1, "FREQUENCY", header.get("FREQUENCY", [])[:1], 1)
         columns = [f"{name} {axis}" for name in names for axis in "XYZ"]
-        row = _split(lines[first], "\t") if first < len(lines) else []
+        row = split_line(lines[first], "\t") if first < len(lines) else []
         titled = row[:1] in (["Frame"], columns[:1])
         if row[:1] == ["Frame"] or (not titled and len(row) >= len(columns) + 2):
             columns = ["Frame", "Time", *columns]
         rows = _rows(lines, first + titled, columns, "\t")
         stated = {key: values[0] for key, values in header.items() if values}
-        _compare(file, stated, "NO_OF_FRAMES", "frames", len(rows.cells))
-        _compare(file, stated, "NO_OF_MARKERS", "markers", len(names))
+        compare_count(file, stated, "NO_OF_FRAMES", "frames", len(rows.cells))
+        compare_count(file, stated, "NO_OF_MARKERS", "markers", len(names))
         time = _time(np.arange(len(rows.cells), dtype=float), rate)
         if columns[0] == "Frame":
             time = rows.at([1])[:, 0]
@@ -224,6 +230,7 @@ def _beside(file: Path, suffix: str) -> Iterator[Path]:
         yield from sorted(found, key=lambda each: len(each.name), reverse=True)
 
 
+_RATE = "SamplingFrequency"
 _NEEDED = ("name", "component", "type", "tracked_point", "units")
 
 
@@ -235,7 +242,7 @@ def _channels(file: Path) -> list[dict[str, str]]:
         raise RecordingError(f"{file}: {wanted}, which names its columns, is not beside it")
     with named_failures(beside):
         lines = read_lines(beside)
-        names = _split(lines[0], "\t")
+        names = split_line(lines[0], "\t")
         if missing := [name for name in _NEEDED if name not in names]:
             raise RecordingError(f"line 1 names no column {', '.join(missing)}")
         rows = _rows(lines, 1, names, "\t")
@@ -265,14 +272,11 @@ def _bids(file: Path, kind: str) -> tuple[list[dict[str, str]], Rows, list[int],
     if "LATENCY" in types:
         time = rows.at([types.index("LATENCY")])[:, 0]
     else:
-        rates = [
-            record["SamplingFrequency"]
-            for each in _beside(file, "_motion.json")
-            if "SamplingFrequency" in (record := read_structured(each, "description"))
-        ]
+        stated = (read_structured(each, "description") for each in _beside(file, "_motion.json"))
+        rates = [each[_RATE] for each in stated if isinstance(each, dict) and _RATE in each]
         if not rates:
             wanted = file.name.replace(".tsv", ".json")
-            raise RecordingError(f"{wanted}, which gives SamplingFrequency, is not beside it")
+            raise RecordingError(f"no {wanted} beside it or above gives {_RATE}")
         time = _time(np.arange(len(rows.cells), dtype=float), rates[0])
     return channels, rows, [k for k, each in enumerate(types) if each == kind], time
 
@@ -320,21 +324,35 @@ def read_motion_bids_angles(
     file: Path,
     joints: Sequence[str] | None = None,
     convention: AngleConvention | OsimConvention | str | Path | None = None,
+    columns: Any = None,
+    fill: float | None = None,
+    part: int | None = None,
 ) -> Motion:
-    """Read the channels of type JNTANG in Motion-BIDS by their names, as `read_opensim` does.
+    """Read the channels of type JNTANG in Motion-BIDS by their names.
+
+    Args:
+        file: sub-..._motion.tsv.
+        joints, convention, columns: see `read_opensim`.
+        fill, part: what becomes of gaps, see `read_table`.
 
     Raises:
+        Gaps: samples are missing, beyond those that are bridged.
         RecordingError: a file beside the recording is missing or malformed, a row has another
             length or an entry that is not a number, or the channels do not give the joints.
     """
     with named_failures(file):
         channels, rows, kept, time = _bids(file, "JNTANG")
         names = [channels[index]["name"] for index in kept]
-        _check_names("the table of channels", names)
+        check_names("the table of channels", names)
+        chosen = None if columns is None else as_columns(columns)
+        needed = joints or () if chosen is None else [each.name for each in chosen.values()]
+        if needed and set(needed) <= set(names):  # gaps of others do not matter
+            kept = [kept[names.index(name)] for name in dict.fromkeys(needed)]
+            names = list(dict.fromkeys(needed))
         scales = np.array([_scale(channels[index], ANGLES) for index in kept])
-        angles = rows.at(kept)
-        ask_about_degrees(str(file), angles[:, scales != 1.0])
-        check_radians(names, np.where(scales == 1.0, angles, 0.0))
-        table = Motion(time, scales * angles, tuple(names))
-        motion = motion_of_columns(file, lambda _: table, joints, convention)
+        time, q = complete(file, time, scales * rows.at(kept, missing=True), names, fill, part)
+        ask_about_degrees(str(file), (q / scales)[:, scales != 1.0])
+        check_radians(names, np.where(scales == 1.0, q, 0.0))
+        table = Motion(time, q, tuple(names))
+        motion = motion_of_columns(file, lambda _: table, joints, convention, chosen)
         return replace(motion, subject=_person(file))

@@ -1,9 +1,10 @@
 """MVNX of Xsens MVN: the orientations and positions of a person's segments, in XML.
 
 The frames of type "normal" are the motion: for every segment a unit quaternion (w, x, y, z), which
-turns its axes into those of the space (z up), and the position of its origin, the joint before it
-[m]. The T pose, from which orientations are counted, is the frame of type "identity" or "tpose".
-Joint angles, sensors, fingers and props are not read.
+turns its axes into those of the space, and the position of its origin, the joint before it
+[m]; without positions there is no pose of the trunk. The T pose, from which orientations are
+counted, is the frame of type "identity" or "tpose". Joint angles, sensors, fingers and props are
+not read.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import RecordingError
@@ -31,7 +33,6 @@ from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import Subject
 
 _REST = ("identity", "tpose")
-_POSE = {"orientation": 4, "position": 3}  # numbers of a segment
 _LATE, _SAME_RATE = 0.01, 0.01  # [s], and part, by which two times of a frame may differ
 _UNIT = 0.01  # by which the length of a quaternion may differ from one
 _FARTHEST = 1e5  # [m]
@@ -75,16 +76,19 @@ def read_mvnx(
         moving = [frame for frame, kind in zip(frames, kinds, strict=True) if kind == "normal"]
         if len(moving) < 2:
             raise RecordingError(f"a motion needs two <frame> of type normal, has {len(moving)}")
+        has_places = any(frame.find("{*}position") is not None for frame in moving)
         motion = _motion(
             names,
             _parents(subject, names),
             _time(subject, moving),
-            _poses([rest], "T pose", len(names)),
-            _poses(moving, "frame", len(names)),
+            (_rotations([rest], "T pose", len(names)), _places([rest], "T pose", len(names))),
+            _rotations(moving, "frame", len(names)),
+            _places(moving, "frame", len(names)) if has_places else None,
         )
         person = Subject(name=subject.get("label", ""))
         chosen = as_skeleton_convention(convention)
-        return skeleton_segments(motion, chosen, 1.0, person, space_up="+z")
+        metres = 1.0 if has_places else None
+        return skeleton_segments(motion, chosen, metres, person)
 
 
 def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
@@ -125,24 +129,33 @@ def _time(subject: Element, frames: list[Element]) -> Array:
     return times["index" if "index" in times else "time"]
 
 
-def _poses(frames: list[Element], what: str, count: int) -> tuple[Array, Array]:
-    """Return rotations (k, n, 3, 3) and positions (k, n, 3) of the segments."""
-    texts = {name: [each.findtext(f"{{*}}{name}") for each in frames] for name in _POSE}
-    quaternions, positions = (
-        Texts(name, what, texts[name]).numbers(size * count).reshape(len(frames), count, size)
-        for name, size in _POSE.items()
-    )
+def _vectors(frames: list[Element], what: str, name: str, shape: tuple[int, int]) -> Array:
+    texts = Texts(name, what, [each.findtext(f"{{*}}{name}") for each in frames])
+    return texts.numbers(shape[0] * shape[1]).reshape(len(frames), *shape)
+
+
+def _check(good: NDArray[np.bool_], what: str, name: str, values: Array) -> None:
+    for frame, segment in np.argwhere(~good)[:1].tolist():
+        given = values[frame, segment].tolist()
+        raise RecordingError(f"the {name} of segment {segment} in {what} {frame} is {given}")
+
+
+def _rotations(frames: list[Element], what: str, count: int) -> Array:
+    """Return rotations (k, n, 3, 3) of the segments."""
+    quaternions = _vectors(frames, what, "orientation", (count, 4))
     with np.errstate(over="ignore", invalid="ignore"):
-        bad = ~(np.abs(np.linalg.norm(quaternions, axis=2) - 1.0) < _UNIT)
-        bad |= ~np.all(np.abs(positions) < _FARTHEST, axis=2)
-    for frame, segment in np.argwhere(bad)[:1].tolist():
-        raise RecordingError(
-            f"{what} {frame}: segment {segment} has the orientation {quaternions[frame, segment]} "
-            f"and the position {positions[frame, segment]} m"
-        )
+        good = np.abs(np.linalg.norm(quaternions, axis=2) - 1.0) < _UNIT
+    _check(good, what, "orientation", quaternions)
     rotation = scipy.spatial.transform.Rotation
     matrices = rotation.from_quat(quaternions.reshape(-1, 4)[:, [1, 2, 3, 0]]).as_matrix()
-    return matrices.reshape(len(frames), count, 3, 3), positions
+    return np.asarray(matrices.reshape(len(frames), count, 3, 3))
+
+
+def _places(frames: list[Element], what: str, count: int) -> Array:
+    """Return positions (k, n, 3) of the segments [m]."""
+    places = _vectors(frames, what, "position", (count, 3))
+    _check(np.all(np.abs(places) < _FARTHEST, axis=2), what, "position", places)
+    return places
 
 
 def _motion(
@@ -150,22 +163,33 @@ def _motion(
     parents: tuple[int, ...],
     time: Array,
     rest: tuple[Array, Array],
-    moved: tuple[Array, Array],
+    rotated: Array,
+    moved: Array | None,
 ) -> SkeletonMotion:
     """Return the motion of the skeleton that rests in the T pose, in axes of its first segment.
+
+    Args:
+        names: names of the n segments.
+        parents: index of the segment before each.
+        time: (k,) [s].
+        rest: rotations (1, n, 3, 3) and positions (1, n, 3) in the T pose.
+        rotated: rotations (k, n, 3, 3).
+        moved: positions (k, n, 3), or None if the file has none.
 
     Raises:
         RecordingError: a long bone has another direction by positions than by orientations.
     """
     (resting,), (places,) = rest
-    rotations = moved[0] @ np.swapaxes(resting, 1, 2) @ resting[:1]
-    offsets, steps = places.copy(), moved[1].copy()
+    rotations = rotated @ np.swapaxes(resting, 1, 2) @ resting[:1]
+    offsets = places.copy()
+    steps = {} if moved is None else {0: moved[:, 0]}
     for joint, parent in enumerate(parents):
         if parent >= 0:
             offsets[joint] = (places[joint] - places[parent]) @ resting[0]
-            steps[:, joint] = moved[1][:, joint] - moved[1][:, parent]
-            steps[:, joint] = np.einsum("kji,kj->ki", rotations[:, parent], steps[:, joint])
-            apart = _angles(offsets[joint], steps[:, joint])
+        if parent >= 0 and moved is not None:
+            between = moved[:, joint] - moved[:, parent]
+            steps[joint] = np.einsum("kji,kj->ki", rotations[:, parent], between)
+            apart = _angles(offsets[joint], steps[joint])
             if np.linalg.norm(offsets[joint]) > _LONG and not np.median(apart) < _APART:
                 raise RecordingError(
                     f"from {names[parent]} to {names[joint]} the positions are in another "
@@ -179,7 +203,7 @@ def _motion(
         return relative
 
     skeleton = Skeleton(tuple(names), parents, offsets)
-    return SkeletonMotion(skeleton, time, rotation, lambda joint: np.array(steps[:, joint]))
+    return SkeletonMotion(skeleton, time, rotation, lambda joint: steps.get(joint, offsets[joint]))
 
 
 def _angles(offset: Array, steps: Array) -> Array:

@@ -54,9 +54,7 @@ def read_opensim(
             names the line or element, or the columns.
     """
     with named_failures(file):
-        if columns is not None:
-            return mapped(read_coordinates(file), columns, joints)
-        return motion_of_columns(file, partial(read_coordinates, file), joints, convention)
+        return motion_of_columns(file, partial(read_coordinates, file), joints, convention, columns)
 
 
 def motion_of_columns(
@@ -64,14 +62,17 @@ def motion_of_columns(
     read: Callable[[Iterable[str]], Motion],
     joints: Sequence[str] | None,
     convention: AngleConvention | OsimConvention | str | Path | None,
+    columns: Any = None,
 ) -> Motion:
     """Return the motion of these joints from the columns of a file, see `read_opensim`.
 
     Args:
         file: of the columns, for messages.
         read: from the names of coordinates in metres to the columns [rad or m].
-        joints, convention: those of `read_opensim`.
+        joints, convention, columns: those of `read_opensim`.
     """
+    if columns is not None:
+        return mapped(read(()), columns, joints)
     chosen = as_convention(convention)
     if isinstance(chosen, OsimConvention):
         return _by_model(file, read, joints, chosen)
@@ -82,10 +83,10 @@ def motion_of_columns(
         return table.select(ours if joints is None else joints)
     chosen = chosen or _fitting(names)
     if chosen is not None:
-        columns = dict(zip(names, table.q.T, strict=True))
+        angles = dict(zip(names, table.q.T, strict=True))
         straight = _unsaid_of_wrists(chosen, names, joints)
-        columns |= {name: np.zeros(len(table)) for each in straight for name in each.columns}
-        segments = segments_of_angles(chosen, table.time, columns)
+        angles |= {name: np.zeros(len(table)) for each in straight for name in each.columns}
+        segments = segments_of_angles(chosen, table.time, angles)
         if hands := [each.segment for each in straight if each.segment in segments.rotations]:
             warnings.warn(
                 f"{file}: no column is of the {' or the '.join(hands)}: the wrist is taken as "

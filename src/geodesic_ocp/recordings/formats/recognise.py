@@ -190,7 +190,11 @@ FORMATS: dict[str, Format] = {
         "Qualisys TSV", "markers", "laboratory", "read_qualisys", _MARKERS, is_qualisys
     ),
     "bids angles": Format(
-        "Motion-BIDS (JNTANG)", "angles", "laboratory", "read_motion_bids_angles", ("convention",)
+        "Motion-BIDS (JNTANG)",
+        "angles",
+        "laboratory",
+        "read_motion_bids_angles",
+        ("convention", *_TABLE),
     ),
     "bids markers": Format(
         "Motion-BIDS (POS)", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
