@@ -126,6 +126,11 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.recordings.Recording(
             arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))
         ),
+        go.recordings.FitNoise(np.zeros((9, 7, 40))),
+        go.trajectory.Outlier("spike", "RSx_joint", 0.2, 0.2, 1.0),
+        go.synergies.Uncertainty(
+            2, np.ones(3), np.ones(1), np.full(99, 2), *np.ones((3, 1)), np.ones((99, 3))
+        ),
         go.synergies.reconstruct(
             plane, go.Motion([0.0, 0.1, 0.2], np.eye(3, 2), ("x", "y")).filtered(3, 1), [(0, 2)]
         ),

@@ -14,7 +14,9 @@ from short_reprs import check_reprs
 from studies.study_rows import LABELS, drawn, rows_of, study_of_rows
 
 from geodesic_ocp.studies.paired_test import holm, rank_biserial
+from geodesic_ocp.studies.study import study
 from geodesic_ocp.studies.study_result import StudyResult
+from geodesic_ocp.studies.study_tables import write_table
 
 OWN, KINETIC, LINES = LABELS.values()
 JOINTS = "joints [rad]"
@@ -318,3 +320,21 @@ def test_methods_of_second_order_are_tested_against_what_receives_the_same() -> 
     everything = study.tests(against="minimum_acceleration")
     assert set(everything["against"]) == {"minimum_acceleration"}
     assert len(everything) == 3
+
+
+def test_a_passive_arm_is_left_out_and_said_to_be(tmp_path: Path) -> None:
+    """Unless all are passive, as then nothing would remain."""
+
+    def found(*ranges: float) -> StudyResult:
+        rows = [
+            row
+            for name, moved in zip("abc", ranges, strict=True)
+            for row in rows_of(name, name.upper(), {"riemannian": 1.0}, range_rad=moved)
+        ]
+        return study(write_table(tmp_path, "recordings", rows)[0])
+
+    some = found(1.9, 0.3, 1.2)
+    assert list(some.recordings["recording"]) == ["a", "c"]
+    assert list(some.failures["kind"]) == ["passive"]
+    assert any("passive arm" in note for note in some.notes)
+    assert len(found(0.3, 0.3, 0.3).recordings) == 3

@@ -27,7 +27,12 @@ from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.formats.angle_tables import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_recording import read_motion, stature_of
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import (
+    PASSIVE,
+    PASSIVE_REASON,
+    Recording,
+    range_of_motion,
+)
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
@@ -36,6 +41,7 @@ from geodesic_ocp.studies.compare_metrics import MetricComparison, compare_metri
 from geodesic_ocp.studies.result_files import RecordingOutcome, mean_errors
 from geodesic_ocp.studies.study_tables import PARQUET_HINT, has_parquet
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.synergies.uncertainty import Uncertainty
 from geodesic_ocp.tables import markdown, text
 
 _SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most
@@ -71,7 +77,8 @@ def analyse(
     for each in each_side(side):
         folder = out / each if out is not None and side == "both" else out
         found = analyse_file(recording, each, analysis, folder)
-        save_analysis(found, folder, with_curve=curve, effort=analysis.effort)
+        spread = found.uncertainty() if analysis.uncertainty else None
+        save_analysis(found, folder, with_curve=curve, effort=analysis.effort, uncertainty=spread)
         if side == "both":
             print()
     named = f"{shlex.quote(str(recording))} --side {side}"
@@ -112,7 +119,12 @@ def analyse_file(
 
 
 def save_analysis(
-    analysis: Analysis, folder: Path | None, *, with_curve: bool = False, effort: bool = False
+    analysis: Analysis,
+    folder: Path | None,
+    *,
+    with_curve: bool = False,
+    effort: bool = False,
+    uncertainty: Uncertainty | None = None,
 ) -> None:
     """Write the analysis to a folder, if one is given, and print the names of the files.
 
@@ -121,11 +133,15 @@ def save_analysis(
         folder: folder for the files.
         with_curve: also compute the curve of the error against the number of synergies.
         effort: also write the errors of motions of least effort.
+        uncertainty: of the cuts, which is written, and marked in the figure.
     """
     comparison = _error_curve(analysis) if with_curve else None
     if folder is not None:
         written = analysis.save(
-            folder, curve=comparison.draw if comparison else None, effort=effort
+            folder,
+            curve=comparison.draw if comparison else None,
+            effort=effort,
+            uncertainty=uncertainty,
         )
         if comparison is not None:
             written += comparison.save(folder / "curve")
@@ -193,6 +209,10 @@ def _analysed(recording: Recording, settings: AnalysisSettings, file: str) -> An
     start = time.perf_counter()
     analysis = analysed(recording, settings, file)
     _summarize(analysis, settings, time.perf_counter() - start, recording.fit)
+    if settings.uncertainty:
+        with progress() as bar:
+            spread = analysis.uncertainty(progress=bar)
+        print(f"\n{text(spread.table())}")
     return analysis
 
 
@@ -217,6 +237,10 @@ def _summarize(
         print("No further filter: the fit to the markers has smoothed the motion.")
     else:
         print(motion.filter or "The recording is taken as it is, without a filter.")
+    if motion.outliers:
+        print(f"Outliers: {'; '.join(map(str, motion.outliers))}.")
+    if range_of_motion(motion) < PASSIVE:
+        print(f"Note: {PASSIVE_REASON}; is the other arm meant (--side)?")
     print(f"Metric: {analysis.metric_name}.")
     rule = "" if analysis.threshold is None else f" at a threshold of {analysis.threshold:g} rad"
     errors = analysis.errors["riemannian"]

@@ -203,7 +203,7 @@ ManyOptions = Annotated[ManyRecordings, Parameter(name="*", group="Many recordin
 LimitOptions = Annotated[GivenLimits, Parameter(name="*", group="Limits of the joints")]
 # A fit has the filter's and some of the cuts' settings, and a penalty and a measure of its own.
 _OF_FITS = re.compile(
-    r"^(?!resample|filter|metric|armature|segments|rest_|count|penalty|error|measure|spacing|max_|effort)"
+    r"^(?!resample|filter|metric|armature|segments|rest_|deviation|count|penalty|error|measure|spacing|max_|uncertainty|effort)"
 )
 FitOptions = Annotated[
     AnalysisSettings, Parameter(name="*", group="Recording and cuts", parse=_OF_FITS)

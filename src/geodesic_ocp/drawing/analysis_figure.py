@@ -7,6 +7,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.arm_strip import StripArm, draw_arm_strip
@@ -33,6 +34,12 @@ _TICKS: dict[str, Any] = {"color": "#1b3a5c", "markersize": 9, "clip_on": False}
 _LONG = 12  # letters of an axis label beside a panel
 _STRIP = 1.7  # height of a strip of arms, relative to a panel's
 _SHADE = "#dfe6ee"
+_PALE = "0.65"
+# Lines at stable and at doubtful cuts.
+_CUTS: dict[bool, dict[str, Any]] = {
+    True: {"color": "0.25", "linewidth": 0.9, "linestyle": "-"},
+    False: {"color": _PALE, "linewidth": 0.9, "linestyle": (0, (4, 3))},
+}
 
 
 def shade_segments(axes: Axes, time: Array, segments: Sequence[tuple[int, int]]) -> None:
@@ -108,9 +115,10 @@ def draw_hand_path(
     segments: Sequence[tuple[int, int]],
     names: Names = NAMES,
     hand: str = "hand",
+    stable: NDArray[np.bool_] | None = None,
 ) -> None:
     """Draw the path of the hand (k, 3) [m] in the two axes of largest range, with a mark where each
-    segment begins.
+    segment begins; it is pale where a cut (c,) is not stable, if that is known.
     """
     first, second = widest_columns(observed, 2)
     axes.plot(*observed[:, [first, second]].T, **OBSERVED, label=names[0])
@@ -118,7 +126,11 @@ def draw_hand_path(
     starts = [start for start, _ in segments]
     marks = observed[[*starts, segments[-1][1]]][:, [first, second]]
     style = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 5}
-    axes.plot(*marks.T, "o", label="segment ends", **style)
+    sure = np.ones(len(marks), dtype=bool)
+    if stable is not None:
+        sure[1:-1] = stable
+    axes.plot(*marks[~sure].T, "o", **{**style, "markeredgecolor": _PALE})
+    axes.plot(*marks[sure].T, "o", label="segment ends", **style)
     axes.set(xlabel=f"{hand} {'xyz'[first]} [m]", ylabel=f"{hand} {'xyz'[second]} [m]")
     axes.set_aspect("equal", adjustable="datalim")
 
@@ -205,6 +217,7 @@ def draw_analysis(
     joints: Mapping[str, Array],
     distances: Mapping[str, Mapping[str, Array]],
     curve: Callable[[Axes], object] | None = None,
+    stable: NDArray[np.bool_] | None = None,
 ) -> None:
     """Draw the arm at some instants, the errors over time, the path of each hand, and the curve.
 
@@ -219,6 +232,7 @@ def draw_analysis(
         joints: errors of the joints (k,) [rad] over time, by prediction.
         distances: distances of each hand by prediction, error of its position (k,) [m] over time.
         curve: draws the error against the number of synergies; None leaves that panel out.
+        stable: which of the cuts between segments are stable (c,); None: this is not known.
     """
     several = len(hands) > 1
     heights = (2.8 if several else 2.1, *[1.0] * (1 + len(hands)))
@@ -237,6 +251,9 @@ def draw_analysis(
     for row, (label, shown) in enumerate(rows):
         axes = figure.add_subplot(grid[1 + row, 0], sharex=panels[0] if panels else None)
         draw_error_over_time(axes, time, segments, shown, label)
+        if stable is not None:
+            for start, sure in zip([start for start, _ in segments[1:]], stable, strict=True):
+                axes.axvline(time[start], **_CUTS[bool(sure)], zorder=1)
         panels.append(axes)
     for axes in panels[:-1]:
         axes.label_outer()
@@ -247,13 +264,18 @@ def draw_analysis(
     panels[-1].set_xlabel("time [s]")
     figure.align_ylabels(panels)
     lines = panels[-1].get_legend_handles_labels()
-    figure.legend(*lines, loc="outside lower left", ncols=len(joints), **_LEGEND)
+    if stable is not None:
+        for sure, label in ((True, "stable cut"), (False, "doubtful cut")):
+            lines[0].append(panels[-1].plot([], [], **_CUTS[sure])[0])
+            lines[1].append(label)
+    figure.legend(*lines, loc="outside lower left", ncols=len(lines[0]), **_LEGEND)
 
     places = _panels(grid, len(hands) + (curve is not None))
     for place, (hand, (observed, predicted)) in zip(places, hands.items(), strict=False):
         path = figure.add_subplot(place)
-        draw_hand_path(path, observed, predicted, segments, hand=hand)
-        path.set_title(f"path of the {hand}; circles are cuts", **_TITLE)
+        draw_hand_path(path, observed, predicted, segments, hand=hand, stable=stable)
+        marked = "circles are cuts" if stable is None else "pale: doubtful cuts"
+        path.set_title(f"path of the {hand}; {marked}", **_TITLE)
     if curve is not None:
         axes = figure.add_subplot(places[-1])
         curve(axes)

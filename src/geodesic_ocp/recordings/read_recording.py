@@ -35,6 +35,7 @@ from geodesic_ocp.recordings.recording import (
     ask_about_limits,
     check_plausible,
     check_radians,
+    check_units,
     warn_of_gimbal_lock,
 )
 from geodesic_ocp.trajectory.motion import Motion, Subject
@@ -210,6 +211,9 @@ def read_recording(
         has_trunk = "BPx_joint" in motion.joint_names
         arm = _arm_of(motion.subject, file, side, height, mass, armature, has_trunk)
     with named_failures(file):
+        motion = motion.select(arm.joint_names)
+        check_units(arm, motion)
+        motion = motion.without_outliers()
         check_plausible(arm, motion)
         ask_about_limits(arm, motion, str(file))
         warn_of_gimbal_lock(motion, str(file))

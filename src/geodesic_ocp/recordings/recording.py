@@ -56,15 +56,17 @@ _LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 _OUTSIDE, _OFTEN = np.radians(10.0), 0.2  # [rad], and share of the samples
 # A shoulder whose first and last axis are this near to parallel, and turn so far in one sample.
 _NEARLY_LOCKED, _FAST = 0.17, 0.5  # cosine of Sz, [rad]
+PASSIVE = np.radians(20.0)  # [rad] range of every joint, below which an arm is passive
+PASSIVE_REASON = "this arm is passive: no joint moves by more than 20 deg"
 _STILL = 3.2  # a range of angles that is all of a motion in radians, and hardly one in degrees
 
 
-def check_plausible(model: Model, motion: Motion) -> None:
-    """Check a motion of the model's joints for other units and for spikes.
+def check_units(model: Model, motion: Motion) -> None:
+    """Ask whether time is in milliseconds, or angles are in degrees, of a motion of the model.
 
     Raises:
-        ValueError: samples are a second or more apart, or a joint jumps or is far outside its
-            limits; asks whether angles are in degrees where they would fit the limits.
+        ValueError: samples are a second or more apart, or most angles are far outside the limits
+            and would not be in degrees.
     """
     step = float(np.median(np.diff(motion.time)))
     if step >= _LONGEST_STEP:
@@ -73,6 +75,16 @@ def check_plausible(model: Model, motion: Motion) -> None:
     if _are_degrees(model, motion.q, outside):
         worst_joint = int(np.argmax(outside.max(axis=0)))
         raise ValueError(_question(motion.joint_names[worst_joint], motion.q[:, worst_joint]))
+
+
+def check_plausible(model: Model, motion: Motion) -> None:
+    """Check a motion of the model's joints for other units and for jumps.
+
+    Raises:
+        ValueError: as `check_units`, or a joint jumps or is far outside its limits.
+    """
+    check_units(model, motion)
+    outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
     for column, joint in enumerate(motion.joint_names):
         q, low, high = motion.q[:, column], model.lower[column], model.upper[column]
         worst, jump = int(np.argmax(outside[:, column])), int(np.argmax(np.abs(np.diff(q))))
@@ -125,6 +137,11 @@ def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
             RuntimeWarning,
             stacklevel=3,
         )
+
+
+def range_of_motion(motion: Motion) -> float:
+    """Return the largest range of a joint over a motion [rad or m]."""
+    return float(np.ptp(motion.q, axis=0).max())
 
 
 def warn_of_gimbal_lock(motion: Motion, name: str) -> None:

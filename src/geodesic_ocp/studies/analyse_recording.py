@@ -122,7 +122,8 @@ def analyse_recording(
         motion,
         settings.threshold,
         metric=metric,
-        segments=settings.segments_of(metric, motion, model, progress),
+        segments=settings.cutting(model, progress),
+        noise=None if recording.fit is None else recording.fit.noise,
         rest=settings.rest_speed,
         rest_duration=settings.rest_duration,
         min_duration=settings.min_duration,
@@ -190,6 +191,7 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
     height, mass = stature(settings, source)
     recording = read_by_settings(source.path, source.side, settings, height, mass, one_of_many=True)
     analysis = analyse_recording(recording, settings)
+    spread = analysis.uncertainty() if settings.uncertainty else None
     motion = analysis.motion
     digest = settings.digest()
     same: Row = person_row(recording, settings, source) | {"settings": digest}
@@ -200,8 +202,10 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
         "settings": settings.record(),
         "own_subject": motion.subject.name,
         "probes": _probes(motion),
-        "recordings": [same | row for row in recording_rows(analysis, task.fit, settings.effort)],
-        "synergies": [own | row for row in synergy_rows(analysis)],
+        "recordings": [
+            same | row for row in recording_rows(analysis, task.fit, settings.effort, spread)
+        ],
+        "synergies": [own | row for row in synergy_rows(analysis, spread)],
     }
     if task.fit:
         record["profiles"] = profile_rows(analysis)

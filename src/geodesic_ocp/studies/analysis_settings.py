@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -17,13 +18,17 @@ from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.synergies.segment import as_threshold
 from geodesic_ocp.synergies.segment_costs import Measure
-from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.synergies.segment_developed import segment_developed
+from geodesic_ocp.synergies.uncertainty import Cutting
 
-Segments = Literal["online", "optimal"]
-# Settings that apply to one kind of segments only.
-_ONLINE = ("threshold", "rest_speed", "rest_duration", "min_duration", "hysteresis")
+Segments = Literal["online", "developed", "optimal"]
 _WANTED = ("count", "penalty", "error")
-_OPTIMAL = (*_WANTED, "measure", "spacing", "max_duration")
+# Settings that apply to some kinds of segments only.
+_OF_KIND: dict[Segments, tuple[str, ...]] = {
+    "online": ("threshold", "rest_speed", "rest_duration", "min_duration", "hysteresis"),
+    "developed": ("deviation", "rest_speed", "rest_duration", "min_duration", "max_duration"),
+    "optimal": (*_WANTED, "measure", "spacing", "max_duration"),
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,13 +49,15 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
             file that `fit` wrote (.json).
         armature: joint inertia of every joint [kg m^2]; default: 0.03 m r^2, with the mass m and
             the reach r of the arm.
-        segments: online: cut where the motion leaves its geodesic; optimal: cut where the error
-            becomes least.
+        segments: online: cut where the motion leaves its geodesic; developed: cut where geodesics
+            explain the whole motion best; optimal: cut where the error becomes least.
         threshold: angle between motion and geodesic at which a new synergy begins [rad].
         rest_speed: fraction of the largest speed below which the arm rests.
         rest_duration: duration of the shortest rest that is a segment of its own [s].
         min_duration: duration of the shortest segment that is not a rest [s]; 0 allows any.
         hysteresis: angle beyond the threshold that a change of direction must reach [rad].
+        deviation: what a further developed segment must save: a root mean square deviation of this
+            size over one second [rad s^0.5].
         count: number of optimal segments.
         penalty: mean error that a further optimal segment must save [rad or m].
         error: largest mean error of as few optimal segments as possible [rad or m].
@@ -58,7 +65,9 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
             [m or rad].
         spacing: time between possible cuts of optimal segments [s], which then move to the best
             sample nearby.
-        max_duration: duration of the longest optimal segment [s].
+        max_duration: duration of the longest developed or optimal segment [s].
+        uncertainty: also state how far number, cuts and errors of the synergies vary under the
+            recording's own noise, which takes some seconds for a recording.
         effort: also predict motions of least torque, torque change and work, which takes seconds
             for a recording; of many recordings in a study alone.
 
@@ -78,12 +87,14 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
     rest_duration: float = 0.1
     min_duration: float = 0.1
     hysteresis: float = 0.1
+    deviation: float = 0.04
     count: int | None = None
     penalty: float | None = None
     error: float | None = None
     measure: Measure = "joint"
     spacing: float = 0.05
     max_duration: float = 2.0
+    uncertainty: bool = False
     effort: bool = False
 
     def __post_init__(self) -> None:
@@ -93,7 +104,8 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
             raise ValueError("give only one of cutoff, savitzky-golay and no-filter")
         as_threshold(self.threshold)
         if self.segments not in get_args(Segments):
-            raise ValueError(f"segments must be 'online' or 'optimal', got {self.segments!r}")
+            known = ", ".join(map(repr, get_args(Segments)))
+            raise ValueError(f"segments must be one of {known}, got {self.segments!r}")
         self._check_segments()
         if self.metric not in METRIC_NAMES and not Path(self.metric).is_file():
             raise ValueError(
@@ -107,10 +119,13 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
 
     def _check_segments(self) -> None:
         """Refuse settings that have no effect on these segments."""
-        other, names = ("optimal", _OPTIMAL) if self.segments == "online" else ("online", _ONLINE)
         defaults = {each.name: each.default for each in fields(self)}
-        if given := [name for name in names if getattr(self, name) != defaults[name]]:
-            raise ValueError(f"{' and '.join(given)}: for segments={other!r} only")
+        every = dict.fromkeys(name for names in _OF_KIND.values() for name in names)
+        foreign = [name for name in every if name not in _OF_KIND[self.segments]]
+        if given := [name for name in foreign if getattr(self, name) != defaults[name]]:
+            kinds = [kind for kind, names in _OF_KIND.items() if set(given) <= {*names}]
+            only = " or ".join(f"segments={kind!r}" for kind in kinds) or "other segments"
+            raise ValueError(f"{' and '.join(given)}: for {only} only")
         wanted = [name for name in _WANTED if getattr(self, name) is not None]
         if self.segments == "optimal" and len(wanted) != 1:
             raise ValueError(
@@ -152,11 +167,11 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
 
         return load_metric(self.metric, model)
 
-    def segments_of(
-        self, metric: Metric, motion: Motion, model: Model, progress: Progress | None = None
-    ) -> list[tuple[int, int]] | None:
-        """Return the optimal segments of a filtered motion; None for those of the online rule."""
+    def cutting(self, model: Model, progress: Progress | None = None) -> Cutting | None:
+        """Return how a filtered motion is cut; None for the online rule."""
         if self.segments == "online":
             return None
-        wanted = {name: getattr(self, name) for name in _OPTIMAL}
-        return segment_optimal(metric, motion, model=model, progress=progress, **wanted)
+        chosen: dict[str, Any] = {name: getattr(self, name) for name in _OF_KIND[self.segments]}
+        if self.segments == "developed":
+            return partial(segment_developed, rest=chosen.pop("rest_speed"), **chosen)
+        return partial(segment_optimal, model=model, progress=progress, **chosen)

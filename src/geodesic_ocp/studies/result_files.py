@@ -20,6 +20,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.recording import PASSIVE
 from geodesic_ocp.records import TEMPORARY, read_record, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.sources import RecordingSource, identity
@@ -257,6 +258,12 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             f"The same trial may be there twice, as files of one name have several formats "
             f"({'; '.join(twice[:5])}): statistics would count it twice. Leave one out."
         )
+    passive = [str(row["recording"]) for row in recordings if _is_passive(row)]
+    if passive and len(passive) < len(recordings):
+        yield (
+            "Passive arms, in which no joint moves by more than 20 deg, are not in the means: "
+            f"{'; '.join(passive)}."
+        )
     for name, unit in (("height", "m"), ("mass", "kg")):
         assumed = [row for row in recordings if row.get(f"{name}_from") == "assumed"]
         if assumed:
@@ -268,6 +275,11 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
     if others:
         many = "s in the folder are" if others > 1 else " in the folder is"
         yield f"{others} other result{many} not of these recordings and in none of the tables."
+
+
+def _is_passive(row: Row) -> bool:
+    reached = row.get("range_rad")
+    return isinstance(reached, float) and reached < PASSIVE
 
 
 Rows = dict[str, list[Row]]  # by the name of the table
@@ -351,7 +363,12 @@ def write_tables(
 
 
 def mean_errors(rows: DataFrame) -> DataFrame:
-    """Return means over recordings of the errors of each method."""
+    """Return means over recordings of the errors of each method, without passive arms unless all
+    are.
+    """
+    passive = rows["range_rad"] < PASSIVE
+    if not passive.all():
+        rows = rows[~passive]
     headers = {
         "joint_error_rad": "joints [rad]",
         "position_error_m": "hand [m]",

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.recording import PASSIVE, PASSIVE_REASON
 from geodesic_ocp.studies.study_result import (
     StudyResult,
     conditions_of,
@@ -52,6 +53,8 @@ def study(
 
     Recordings of a person are not independent: all means, intervals and tests are over the means
     of subjects, so that each subject counts the same, however many recordings there are.
+    Recordings of a passive arm, in which no joint moves by more than 20 degrees, are left out and
+    counted among the failures, unless all are passive.
 
     Args:
         source: the output folder of `geodesic-ocp analyse DIR --out FOLDER`; or the paths of its
@@ -78,7 +81,27 @@ def study(
         by = "condition"
     _check_conditions(tables["recordings"], by)
     _check_labels(tables["recordings"], by)
-    return StudyResult(**tables, by=by)
+    return StudyResult(**_without_passive(tables), by=by)
+
+
+def _without_passive(tables: dict[str, DataFrame]) -> dict[str, DataFrame]:
+    """Return the tables with passive arms among the failures, unless all are passive."""
+    from pandas import concat
+
+    rows = tables["recordings"]
+    passive = set(rows.loc[rows["range_rad"] < PASSIVE, "recording"])
+    if not passive or passive == set(rows["recording"]):
+        return tables
+    found = {
+        name: table[~table["recording"].isin(passive)].reset_index(drop=True)
+        for name, table in tables.items()
+    }
+    names = [name for name in TABLES["failures"] if name in rows.columns]
+    left_out = rows[rows["recording"].isin(passive)].drop_duplicates("recording")[names]
+    reasons = left_out.assign(kind="passive", reason=PASSIVE_REASON).to_dict("records")
+    known = [found["failures"]] if "failures" in found else []
+    found["failures"] = concat([*known, new_rows(reasons, "failures")], ignore_index=True)
+    return found
 
 
 def _tables(source: object, given: dict[str, Sequence[str] | None]) -> dict[str, DataFrame]:

@@ -105,6 +105,7 @@ _KINDS = {
     "process": "process that died",
     "same": "same motion as another recording",
     "missing": "not analysed yet",
+    "passive": "passive arm, in which no joint moves by more than 20 deg",
 }
 
 

@@ -19,10 +19,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.recording import range_of_motion
 from geodesic_ocp.records import replacing
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.synergies.uncertainty import Uncertainty
 from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
@@ -56,6 +58,7 @@ RECORDINGS: dict[str, Kind] = {
     "samples": "integer",
     "duration_s": "number",
     "rate_hz": "number",  # mean sampling rate
+    "range_rad": "number",  # largest range of a joint's angle
     "cutoff_hz": "number",  # of the filter
     "noise_rad": "number",  # root mean square over joints
     "metric": "text",  # in which the motion is segmented and planned
@@ -63,6 +66,12 @@ RECORDINGS: dict[str, Kind] = {
     "method": "text",  # key in `Analysis.errors`
     "method_label": "text",  # the method in words, as in `Analysis.table`
     "segments": "integer",  # of the method; missing if the method has none
+    # What 90 % of motions with the recording's noise have, and its stable cuts; on request.
+    "segments_low": "integer",
+    "segments_high": "integer",
+    "stable_cuts": "integer",
+    "joint_error_low_rad": "number",
+    "joint_error_high_rad": "number",
     **_ERRORS,
     **{name.replace("_error_", "_error_unfiltered_"): kind for name, kind in _ERRORS.items()},
     "computation_s": "number",
@@ -79,6 +88,7 @@ SYNERGIES: dict[str, Kind] = {
     "length": "number",  # in the metric's unit: sqrt(kg) m, of straight lines rad
     "mean_speed": "number",  # length over duration
     "peak_speed": "number",  # of its time law
+    "start_comes_back": "number",  # share of motions with its noise that are cut here; on request
     **_ERRORS,
     "settings": "text",
 }
@@ -93,15 +103,20 @@ TABLES: dict[str, dict[str, Kind]] = {
     "recordings": RECORDINGS,
     "synergies": SYNERGIES,
     "profiles": PROFILES,
-    # Kinds of failures: file, solver, process, same (as another), missing or error.
+    # Kinds of failures: file, solver, process, same (as another), missing, passive or error.
     "failures": {**IDENTITY, "kind": "text", "reason": "text"},
 }
 
 
 def recording_rows(
-    analysis: Analysis, second_order: bool = True, effort: bool = False
+    analysis: Analysis,
+    second_order: bool = True,
+    effort: bool = False,
+    spread: Uncertainty | None = None,
 ) -> list[Row]:
     """Return one row for each method; errors of a method without geodesics are missing.
+
+    The uncertainty, if it is given, is in the row of the geodesics of the analysis.
 
     Those of second order are compiled anew for every person, which takes most of a second.
     """
@@ -110,6 +125,7 @@ def recording_rows(
         "samples": len(motion),
         "duration_s": motion.duration,
         "rate_hz": motion.rate,
+        "range_rad": range_of_motion(motion),
         "cutoff_hz": None if used is None else _finite(used.bandwidth),
         "noise_rad": None if used is None else _finite(float(np.sqrt(np.mean(used.noise**2)))),
         "metric": analysis.metric_name,
@@ -127,6 +143,11 @@ def recording_rows(
         | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
         for method in (*analysis.errors, *analysis.not_found)
     ]
+    if spread is not None:
+        (low, high), (least, most) = spread.count_range, spread.error_range("joint")
+        rows[0] |= {"segments_low": low, "segments_high": high}
+        rows[0] |= {"stable_cuts": int(spread.stable.sum())}
+        rows[0] |= {"joint_error_low_rad": least, "joint_error_high_rad": most}
     if not second_order:
         return rows
     errors_of = partial(analysis.second_order_errors, effort=effort)
@@ -146,7 +167,7 @@ def key_of(label: str) -> str:
     return label.lower().replace(" ", "_")
 
 
-def synergy_rows(analysis: Analysis) -> list[Row]:
+def synergy_rows(analysis: Analysis, spread: Uncertainty | None = None) -> list[Row]:
     """Return one row for each synergy, with the mean errors over its samples."""
     rows: list[Row] = []
     for number, synergy in enumerate(analysis.synergies, 1):
@@ -162,6 +183,8 @@ def synergy_rows(analysis: Analysis) -> list[Row]:
             "mean_speed": _finite(synergy.length / synergy.duration),
             "peak_speed": peak_speed(synergy),
         }
+        if spread is not None and number > 1:
+            own["start_comes_back"] = float(spread.near[number - 2])
         rows.append(own | _errors(motion_errors(analysis.model, *parts)))
     return rows
 

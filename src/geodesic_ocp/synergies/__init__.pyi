@@ -8,6 +8,7 @@ from .scores import Scores as Scores
 from .scores import motion_errors as motion_errors
 from .scores import score as score
 from .segment import segment_zero_velocity as segment_zero_velocity
+from .segment_developed import segment_developed as segment_developed
 from .spline_knots import SplineKnots as SplineKnots
 from .spline_knots import spline_knots as spline_knots
 from .synergy import Reconstruction as Reconstruction
@@ -16,3 +17,4 @@ from .synergy import load_synergies as load_synergies
 from .synergy import motion_of_synergies as motion_of_synergies
 from .synergy import reconstruct as reconstruct
 from .synergy import save_synergies as save_synergies
+from .uncertainty import Uncertainty as Uncertainty

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from geodesic_ocp.manifold.metrics import (
 )
 from geodesic_ocp.model.model import Model, as_model, hand_labels
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.recording import check_plausible
+from geodesic_ocp.recordings.recording import check_plausible, check_units
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
@@ -47,8 +47,10 @@ from geodesic_ocp.synergies.synergy import (
     reconstruct,
     save_synergies,
 )
+from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
 from geodesic_ocp.tables import in_degrees, markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.noise import Noise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,6 +92,8 @@ class Analysis:
         errors_unfiltered: the same against the unfiltered motion; empty if it is not known, as
             `Motion.filtered` was not used.
         not_found: methods of the comparison that have no geodesic for some segment.
+        cutting: how the motion was cut, from metric and motion; None if the segments were given.
+        noise: noise of the motion; None is that of the residuals of its filter.
     """
 
     model: Model
@@ -104,6 +108,8 @@ class Analysis:
     errors: Mapping[str, MotionErrors]
     errors_unfiltered: Mapping[str, MotionErrors]
     not_found: tuple[str, ...] = ()
+    cutting: Cutting | None = None
+    noise: Noise | None = None
 
     def __repr__(self) -> str:
         return (
@@ -219,6 +225,39 @@ class Analysis:
         """Predictions that have been computed, None for what was not found."""
         return {}
 
+    def uncertainty(
+        self, replicates: int = 100, *, seed: int = 0, progress: Progress | None = None
+    ) -> Uncertainty:
+        """Return how far number, cuts and errors of the synergies vary under the recording's noise.
+
+        Args:
+            replicates: number of motions with noise of the recording's spectrum, which are filtered
+                and cut as this one; 20 to 100 ms each.
+            seed: of the noise; the same seed gives the same result.
+            progress: called with what is done, the number of replicates so far, and the total.
+
+        Raises:
+            ValueError: the motion was not filtered and there is no `noise`, or the segments were
+                given as sample indices.
+        """
+        if self.cutting is None:
+            raise ValueError(
+                "how the segments were found is not known: give analyse a function of metric and "
+                "motion, such as segments=go.synergies.segment_developed"
+            )
+        known, key = self._uncertainties, (replicates, seed)
+        if key not in known:
+            own = self.model, self.metric, self.motion, self.segments, self.cutting
+            known[key] = bootstrap(
+                *own, noise=self.noise, replicates=replicates, seed=seed, progress=progress
+            )
+        return known[key]
+
+    @cached_property
+    def _uncertainties(self) -> dict[tuple[int, int], Uncertainty]:
+        """What has been computed, by number of replicates and seed."""
+        return {}
+
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
         own = method_of(self.metric)
@@ -240,13 +279,18 @@ class Analysis:
             if method not in (*_BASELINES, *self.not_found)
         }
 
-    def plot(self, curve: Callable[[Axes], object] | None = None) -> Figure:
+    def plot(
+        self,
+        curve: Callable[[Axes], object] | None = None,
+        uncertainty: Uncertainty | None = None,
+    ) -> Figure:
         """Return the arm at some instants, errors over time on the same segments, and the hands'
         paths.
 
         Args:
             curve: draws the error against the number of synergies into a panel of its own, as
                 `MetricComparison.draw` does; None leaves it out.
+            uncertainty: tells stable cuts from doubtful ones, which are drawn so.
         """
         model, motion = self.model, self.motion
         labels = hand_labels(model.hands)
@@ -279,10 +323,14 @@ class Analysis:
             joints,
             distances,
             curve,
+            None if uncertainty is None else uncertainty.stable,
         )
+        count = str(len(self.segments))
+        if uncertainty is not None:
+            count += " ({} to {})".format(*uncertainty.count_range)
         figure.suptitle(
-            f"{model.name}: {len(self.segments)} geodesic synergies{self._by_rule},"
-            + ("\n" if several else " ")
+            f"{model.name}: {count} geodesic synergies{self._by_rule},"
+            + ("\n" if several or uncertainty is not None else " ")
             + self.metric_name.replace("^2", "²")
         )
         return figure
@@ -293,16 +341,19 @@ class Analysis:
         *,
         curve: Callable[[Axes], object] | None = None,
         effort: bool = False,
+        uncertainty: Uncertainty | None = None,
     ) -> list[FilePath]:
         """Write table and second_order (.csv, .md), figure (.png, .pdf) and synergies.json.
 
-        With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md. All are written
-        to a temporary folder first and moved together; `load_synergies` reads the last.
+        With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md, and with an
+        uncertainty cuts.csv and cuts.md. All are written to a temporary folder first and moved
+        together; `load_synergies` reads the last.
 
         Args:
             folder: is made if there is none.
             curve: curve of the figure, see `plot`.
             effort: see `second_order`.
+            uncertainty: of the cuts, see `plot`.
 
         Returns:
             The files' paths.
@@ -310,16 +361,22 @@ class Analysis:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, partial(self._write, curve, effort))
+        return write_together(folder, partial(self._write, curve, effort, uncertainty))
 
     def _write(
-        self, curve: Callable[[Axes], object] | None, effort: bool, folder: FilePath
+        self,
+        curve: Callable[[Axes], object] | None,
+        effort: bool,
+        uncertainty: Uncertainty | None,
+        folder: FilePath,
     ) -> None:
         tables = {"table": self.table(), "second_order": self.second_order(effort=effort)}
         if self.errors_unfiltered:
             tables["table_unfiltered"] = self.table(unfiltered=True)
+        if uncertainty is not None:
+            tables["cuts"] = uncertainty.table()
         save_tables(folder, tables)
-        save_figure(self.plot(curve), folder)
+        save_figure(self.plot(curve, uncertainty), folder)
         save_synergies(
             folder / "synergies.json", self.synergies, self.motion.joint_names, self.model
         )
@@ -332,11 +389,12 @@ def analyse(
     threshold: float = 0.6,
     *,
     metric: Metric | MetricName | None = None,
-    segments: Sequence[tuple[int, int]] | None = None,
+    segments: Sequence[tuple[int, int]] | Cutting | None = None,
     rest: float = 0.02,
     rest_duration: float = 0.1,
     min_duration: float = 0.1,
     hysteresis: float = 0.1,
+    noise: Noise | None = None,
     progress: Progress | None = None,
 ) -> Analysis:
     """Cut a recorded motion into geodesic synergies, plan each, and compare with the baselines.
@@ -365,10 +423,13 @@ def analyse(
             default one (`default_joint_inertia`). "kinetic": the kinetic energy without joint
             inertia, also if the model has some, which is the paper's metric. "euclidean": straight
             lines. Or any metric on the model's joints, such as `KineticEnergy(model)`.
-        segments: (start, stop) sample indices from the first sample to the last, as found by
-            `segment_optimal`, in place of those that `segment` finds.
+        segments: a function of metric and motion that finds the segments in place of `segment`,
+            such as `segment_developed`; or (start, stop) sample indices from the first sample to
+            the last.
         rest, rest_duration, min_duration, hysteresis: rest, rest duration, min duration and
             hysteresis of the segmentation, see `segment`.
+        noise: noise of the motion for `Analysis.uncertainty`, such as `MarkerFit.noise`; None is
+            that of the residuals of its filter.
         progress: called with the current step, the amount done, and the total.
 
     Raises:
@@ -388,17 +449,28 @@ def analyse(
         name = type(motion).__name__
         raise ValueError(f"motion must be a Motion, as from go.read_motion, got {name}")
     motion = motion.select(as_model(model).joint_names)
+    if motion.velocity is None:
+        check_units(model, motion)
+        motion = motion.without_outliers()
     check_plausible(model, motion)
     metric = as_analysis_metric(metric, model)
     if motion.velocity is None:
         motion = motion.filtered()
     report("cutting into segments", 0, 1)
+    cutting: Cutting | None
     if segments is None:
-        rests = {"rest": rest, "rest_duration": rest_duration}
-        noise = {"min_duration": min_duration, "hysteresis": hysteresis}
-        cut = segment(metric, motion, threshold, **rests, **noise)
+        cutting = partial(
+            segment,
+            threshold=threshold,
+            rest=rest,
+            rest_duration=rest_duration,
+            min_duration=min_duration,
+            hysteresis=hysteresis,
+        )
     else:
-        cut = as_segments(motion, segments)
+        cutting = segments if callable(segments) else None
+    given = segments if cutting is None else cutting(metric, motion)
+    cut = as_segments(motion, cast("Sequence[tuple[int, int]]", given))
     # Three of the seven joints of an arm, in proportion: of 20, three reverse at once by chance.
     reversing = min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)
     zero_velocity = segment_zero_velocity(motion, joints=reversing)
@@ -456,4 +528,6 @@ def analyse(
         errors=errors[0],
         errors_unfiltered=errors[1] if len(errors) > 1 else {},
         not_found=tuple(method for method in compared if method not in found),
+        cutting=cutting,
+        noise=noise,
     )

@@ -98,16 +98,10 @@ def segment(
         IntegrationFailed: the metric is singular somewhere along the motion.
     """
     threshold = as_threshold(threshold)
-    if not 0.0 <= rest < 1.0:
-        raise ValueError(f"rest must be in [0, 1), got {rest}")
-    rest_duration = as_positive("rest_duration", rest_duration, "s")
     min_duration = as_not_negative("min_duration", min_duration, "s")
     hysteresis = as_not_negative("hysteresis", hysteresis, "rad")
-    check_moving(motion)
-    level = _rest_level(metric, motion, speeds(metric, motion), rest)
-    metric.check_units("motion", motion.q[int(np.argmax(np.abs(motion.q).max(axis=1)))])
-    cuts = _observe(metric, motion, level, rest_duration).cuts(threshold, hysteresis, min_duration)
-    return list(pairwise(_nearest_samples(motion, cuts)))
+    cuts = _observe(metric, motion, rest, rest_duration).cuts(threshold, hysteresis, min_duration)
+    return list(pairwise(nearest_samples(motion, cuts)))
 
 
 def observed_velocity(motion: Motion) -> Array:
@@ -141,14 +135,54 @@ def speeds(metric: Metric, motion: Motion) -> Array:
     return speeds_at(metric, motion.q, observed_velocity(motion))
 
 
-def _observe(metric: Metric, motion: Motion, level: float, rest_duration: float) -> _Observed:
-    """Return the motion's directions."""
+def _observe(metric: Metric, motion: Motion, rest: float, rest_duration: float) -> _Observed:
+    """Return the motion's directions, with a motion and numbers that are checked here."""
+    if not 0.0 <= rest < 1.0:
+        raise ValueError(f"rest must be in [0, 1), got {rest}")
+    rest_duration = as_positive("rest_duration", rest_duration, "s")
+    check_moving(motion)
+    level = _rest_level(metric, motion, speeds(metric, motion), rest)
+    metric.check_units("motion", motion.q[int(np.argmax(np.abs(motion.q).max(axis=1)))])
 
     def states_at(times: Array) -> tuple[Array, Array]:
         return np.hstack([motion(times), motion(times, 1)]), _velocity_between(motion, times[::2])
 
     times, directions, speed, _ = _follow(metric, motion.time, states_at)
-    return _Observed(times, directions, _states(times, speed, level, rest_duration))
+    return _Observed(times, directions, speed, _states(times, speed, level, rest_duration))
+
+
+@dataclass(frozen=True)
+class Development:
+    """The development of a motion: a curve in a flat space that turns as the motion does.
+
+    In a frame E(t) that is parallel along the motion, the velocity has components c = E^-1 q', and
+    the development is their integral (Kobayashi, Nomizu, "Foundations of Differential Geometry",
+    1963, section III.4). It has the motion's speeds, and it is straight where the motion follows a
+    geodesic.
+
+    Attributes:
+        times: instants (m,), at most 5 ms apart [s].
+        points: of the curve (m, n), in units of length of the metric.
+        speeds: |q'|_G (m,).
+        resting: which instants are in a long rest (m,), see `segment`.
+    """
+
+    times: Array
+    points: Array
+    speeds: Array
+    resting: NDArray[np.bool_]
+
+
+def development(
+    metric: Metric, motion: Motion, rest: float = 0.02, rest_duration: float = 0.1
+) -> Development:
+    """Return the development of a motion with velocities; arguments and errors as of `segment`."""
+    seen = _observe(metric, motion, rest, rest_duration)
+    # At an instant without velocity there is no direction.
+    velocities = np.nan_to_num(seen.directions) * seen.speeds[:, None]
+    steps = 0.5 * (velocities[1:] + velocities[:-1]) * np.diff(seen.times)[:, None]
+    points = np.cumsum(np.vstack([np.zeros_like(steps[:1]), steps]), axis=0)
+    return Development(seen.times, points, seen.speeds, seen.state == IN_LONG_REST)
 
 
 def _follow(
@@ -315,7 +349,7 @@ class OnlineSegmentation:
         stop = int(changes[0]) if changes.size else times.size - 1
         if state[stop] == AT_REST:  # for how long is not known yet
             stop = int(np.append(-1, np.flatnonzero(state == MOVING))[-1]) + 1
-        observed = _Observed(times, directions, state)
+        observed = _Observed(times, directions, speed, state)
         cuts = observed._cuts_within(0, stop, *self.rule, self._first, self._last)
         if cuts:
             crossing, first = cuts[0]
@@ -334,10 +368,13 @@ class OnlineSegmentation:
 
 @dataclass(frozen=True)
 class _Observed:
-    """Unit vectors (m, n) along a motion's velocities, in a parallel frame, at times (m,)."""
+    """Unit vectors (m, n) along a motion's velocities, in a parallel frame, and speeds |q'|_G (m,),
+    at times (m,).
+    """
 
     times: Array
     directions: Array
+    speeds: Array
     state: NDArray[np.uint8]
 
     def cuts(self, threshold: float, hysteresis: float, duration: float) -> list[float]:
@@ -461,7 +498,7 @@ def _parts(time: Array) -> int:
     return max(1, int(np.ceil(np.diff(time).max() / _LONGEST - 0.01)))
 
 
-def _nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
+def nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
     """Return the samples nearest to these times, in order and without repetition."""
     middles = 0.5 * (motion.time[:-1] + motion.time[1:])
     samples: list[int] = np.unique(np.searchsorted(middles, times)).tolist()
@@ -545,7 +582,7 @@ def segment_zero_velocity(
         if len({joint for _, joint in group}) > joints:
             cuts.append(float(np.mean([time for time, _ in group])))
             after = start + window
-    return list(pairwise(_nearest_samples(motion, cuts)))
+    return list(pairwise(nearest_samples(motion, cuts)))
 
 
 def _zero_crossings(time: Array, velocity: Array) -> list[float]:

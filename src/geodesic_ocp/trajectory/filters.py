@@ -60,6 +60,11 @@ class MotionFilter(ShortRepr):
             return self.cutoff
         return _BANDWIDTH_OF_WINDOW / float(self.duration or np.inf)
 
+    @property
+    def order(self) -> int:
+        """Order of the polynomials of a Savitzky-Golay filter."""
+        return int(self.kind.rpartition(" ")[2])
+
     def select(self, columns: list[int]) -> MotionFilter:
         """Return the filter of these joints."""
         noise, velocity_noise = self.noise[columns], self.velocity_noise[columns]
@@ -126,7 +131,7 @@ def low_passed(time: Array, q: Array, cutoff: float | None) -> Filtered:
         raise ValueError(f"the motion is too short to filter: {time.size} samples, not three")
     spline = _smoothing_spline(np.linspace(time[0], time[-1], time.size), q, cutoff)
     smooth, velocity = spline(time), spline(time, 1)
-    density = _noise_density(rate, q)
+    density = noise_density(rate, q)
     removed = np.mean((q - smooth) ** 2, axis=0)
     # What the residuals lack has the bandwidth of 1 - (1 - H)^2, integrated over f > 0.
     passed = 7.0 * np.pi / 18.0 * _half_amplitude(cutoff)
@@ -268,7 +273,13 @@ def _velocity_gain(cutoff: float) -> float:
     return float(2.0 * np.pi * np.sqrt(np.pi / 12.0 * _half_amplitude(cutoff) ** 3))
 
 
-def _noise_density(rate: float, q: Array) -> Array:
+def noise_band(rate: float) -> tuple[float, float]:
+    """Return frequencies [Hz] between which the noise is read, at this sampling rate [Hz]."""
+    high = min(_NOISE_BAND[1], _OF_NYQUIST * rate / 2.0)
+    return high * _NOISE_BAND[0] / _NOISE_BAND[1], high
+
+
+def noise_density(rate: float, q: Array) -> Array:
     """Return spectral density of the noise (n,) [rad^2/Hz], one-sided, of samples q (k, n) at a
     rate [Hz].
 
@@ -277,8 +288,7 @@ def _noise_density(rate: float, q: Array) -> Array:
     2 sigma^2 / rate with its standard deviation sigma.
     """
     frequency, density = _spectrum(rate, q)
-    high = min(_NOISE_BAND[1], _OF_NYQUIST * rate / 2.0)
-    low = high * _NOISE_BAND[0] / _NOISE_BAND[1]
+    low, high = noise_band(rate)
     band = density[(frequency >= low) & (frequency <= high)]
     # A periodogram is exponentially distributed: its median is log 2 times its mean.
     floor: Array = np.maximum(np.median(band, axis=0) / np.log(2.0), _LEAST_DENSITY)
@@ -298,9 +308,9 @@ def _choose_cutoff(rate: float, q: Array) -> float:
     moving = np.ptp(q, axis=0) > _STILL
     if not moving.any():
         return float(_CUTOFFS[-1])
-    floor = _noise_density(rate, q)[moving]
+    floor = noise_density(rate, q)[moving]
     frequency, density = _spectrum(rate, q[:, moving])
-    used = frequency <= min(_NOISE_BAND[1], _OF_NYQUIST * rate / 2.0)
+    used = frequency <= noise_band(rate)[1]
     excess = ((density[used] - floor) / floor).sum(axis=1)
     frequency = frequency[used]
     step = frequency[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,10 +21,13 @@ from geodesic_ocp.trajectory.filters import (
     window_of,
     without_aliases,
 )
+from geodesic_ocp.trajectory.outliers import ALL_JOINTS, Outlier
+from geodesic_ocp.trajectory.outliers import without_outliers as clean
 
 _ORTHONORMAL = 1e-6
 # Rates that differ by less are one rate: time stamps are rounded.
 _SAME_RATE = 1e-3
+_NAMED = 10  # outliers at most in a warning
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,6 +105,7 @@ class Motion:
         filter: the filter that was applied, and the noise of the recording; or None.
         trunk: pose of the thorax at the samples, its origin midway between the shoulders, in a
             space with z up; or None.
+        outliers: samples that were found to be no motion, see `without_outliers`.
 
     Raises:
         ValueError: shapes that do not match, values that are not finite, or time that does not
@@ -115,6 +120,7 @@ class Motion:
     unfiltered: Array | None = None
     filter: MotionFilter | None = None
     trunk: FrameMotion | None = None
+    outliers: tuple[Outlier, ...] = ()
 
     def __post_init__(self) -> None:
         time, q = real_array(self.time, "time"), real_array(self.q, "q")
@@ -219,7 +225,46 @@ class Motion:
             for name in ("q", "velocity", "unfiltered")
         }
         used = None if self.filter is None else self.filter.select(columns)
-        return replace(self, **chosen, joint_names=tuple(joints), filter=used)
+        outliers = tuple(each for each in self.outliers if each.joint in (*joints, ALL_JOINTS))
+        return replace(self, **chosen, joint_names=tuple(joints), filter=used, outliers=outliers)
+
+    def without_outliers(self) -> Motion:
+        """Return the motion as it was recorded, without spikes, repeated frames and wraps.
+
+        A spike is a single sample that is ten standard deviations of the noise away from the cubic
+        through its neighbours, and 0.08 rad or more. It is replaced by interpolation, as are up to
+        three frames that repeat the one before in all joints and are then caught up with. Steps by
+        whole revolutions are undone. A sensor that stands still while other joints move is named,
+        but its samples are kept.
+
+        >>> import warnings, numpy as np, geodesic_ocp as go
+        >>> time = np.arange(200) / 100.0
+        >>> q = np.sin(4.0 * time)
+        >>> q[70] += 1.0  # [rad]
+        >>> motion = go.Motion(time, q[:, None], ("elbow",))
+        >>> with warnings.catch_warnings(action="ignore"):
+        ...     cleaned = motion.without_outliers()
+        >>> print(*cleaned.outliers)
+        elbow at 0.700 s is 1 rad off its neighbours (spike, interpolated)
+
+        Returns:
+            The motion, without velocities or a filter, with what was found as `outliers`.
+
+        Warns:
+            RuntimeWarning: something was found; names the joint, the time and what was done.
+        """
+        before = self.q if self.unfiltered is None else self.unfiltered
+        q, found = clean(self.time, before, self.joint_names)
+        if not found:
+            return replace(self._bare(), q=before)
+        warnings.warn(
+            "outliers in the recording: "
+            + "; ".join(map(str, found[:_NAMED]))
+            + (f"; and {len(found) - _NAMED} more" if len(found) > _NAMED else ""),
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return replace(self._bare(), q=q, outliers=(*self.outliers, *found))
 
     def resampled(self, rate: float) -> Motion:
         """Return the motion at `rate` evenly spaced samples per second [Hz], by cubic spline.
@@ -263,7 +308,8 @@ class Motion:
         36, 1964; Klein et al. 2022 filter so, with 21 samples at 100 Hz: `duration=0.21`).
 
         A motion that was filtered before is filtered from its `unfiltered` coordinates, so that the
-        result depends on the recording and the last filter alone.
+        result depends on the recording and the last filter alone. Outliers are taken out first
+        (`without_outliers`).
 
         >>> import numpy as np, geodesic_ocp as go
         >>> time = np.arange(200) / 100.0
@@ -281,8 +327,8 @@ class Motion:
                 samples nearest to it.
 
         Returns:
-            The motion with velocities, with its coordinates before any filter as `unfiltered`, and
-            with the `filter`, which also has the noise that was found.
+            The motion with velocities, with its coordinates before any filter as `unfiltered`, but
+            without outliers, and with the `filter`, which also has the noise that was found.
 
         Raises:
             ValueError: more than one filter is asked for; the samples are not evenly spaced, too
@@ -296,14 +342,15 @@ class Motion:
                 f"give only one of window, cutoff and duration, got {' and '.join(named)}"
             )
         check_even(self.time)
-        before = self.q if self.unfiltered is None else self.unfiltered
+        cleaned = self.without_outliers()
+        before = cleaned.q
         if duration is not None:
             window = window_of(duration, self.rate, order)
         if window is not None:
             q, velocity, used = locally_fitted(self.time, before, window, order)
         else:
             q, velocity, used = low_passed(self.time, before, cutoff)
-        return replace(self, q=q, velocity=velocity, unfiltered=before, filter=used)
+        return replace(cleaned, q=q, velocity=velocity, unfiltered=before, filter=used)
 
 
 def bandwidth(motion: Motion, cutoff: float | None = None) -> float:

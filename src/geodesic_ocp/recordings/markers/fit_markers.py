@@ -24,6 +24,7 @@ from geodesic_ocp.recordings.markers.chosen_markers import (
     choose_markers,
     known_height,
 )
+from geodesic_ocp.recordings.markers.fit_noise import fit_noise
 from geodesic_ocp.recordings.markers.fit_program import ROOT, FitProblem
 from geodesic_ocp.recordings.markers.marker_fit import (
     DOUBTFUL,
@@ -364,6 +365,10 @@ def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> 
     errors = np.linalg.norm(predicted - chosen.observed, axis=2)
     weights = 1.0 / (1.0 + (errors / problem.settings.outlier) ** 2) ** 2
     constant = constant_errors(problem, time, fitted.z, fitted.shared, weights)
+    noise = fit_noise(
+        *(problem, time, fitted.z, fitted.shared),
+        *(predicted - chosen.observed, weights, fitted.loose),
+    )
     height = None if body.height is None else body.height * float(lengths[0])
     root = base = thorax = None
     if problem.moves:
@@ -398,6 +403,7 @@ def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> 
         undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
         marker_set=chosen.set_name,
         constant_errors=np.where(fitted.loose, np.nan, constant),
+        noise=noise,
         left_out=chosen.left_out,
         seconds=seconds,
         iterations=fitted.iterations,

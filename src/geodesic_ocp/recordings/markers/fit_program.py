@@ -248,12 +248,7 @@ class FitProblem:
         outlier = ca.MX.sym("c")
         losses = Block(self._loss, places, ca.horzcat(ca.DM(numbers), ca.repmat(outlier, count, 1)))
 
-        levers, weak = np.ones(self.nz), np.zeros(self.nz)
-        levers[: 3 if self.moves else 0] = _ROOT_LEVER
-        weak[self.first_joint :] = np.where(loose, LOOSE_SPREAD, _POSTURE_SPREAD) ** -2.0
-        rough = roughness(time, {2: settings.acceleration, 3: settings.jerk})
-        of_frames = scipy.sparse.kron(rough, scipy.sparse.diags(levers**-2.0))
-        of_frames += scipy.sparse.diags(np.kron(shares, weak))
+        of_frames, weak = self.stiffness(time, loose)
         matrix = scipy.sparse.block_diag([of_frames, PRIOR_TIME * self.priors], format="csc")
         towards = np.concatenate([np.kron(shares, weak * self.neutral), np.zeros(self.ns)])
         bounds = np.full((2, size), np.inf)
@@ -262,6 +257,21 @@ class FitProblem:
             bounds[:, : own.size] = np.tile(self.limits, count)
         quadratic = matrix / scale, towards / scale
         return FitProgram(BlockProgram(size, [losses], outlier, quadratic), *bounds)
+
+    def stiffness(
+        self, time: Array, loose: NDArray[np.bool_]
+    ) -> tuple[scipy.sparse.csc_matrix, Array]:
+        """Return Hessian of the smoothness and posture of all frames (k nz, k nz), and weights of
+        the posture in a frame (nz,).
+        """
+        settings, shares = self.settings, np.convolve(np.diff(time), [0.5, 0.5])
+        levers, weak = np.ones(self.nz), np.zeros(self.nz)
+        levers[: 3 if self.moves else 0] = _ROOT_LEVER
+        weak[self.first_joint :] = np.where(loose, LOOSE_SPREAD, _POSTURE_SPREAD) ** -2.0
+        rough = roughness(time, {2: settings.acceleration, 3: settings.jerk})
+        of_frames = scipy.sparse.kron(rough, scipy.sparse.diags(levers**-2.0))
+        of_frames += scipy.sparse.diags(np.kron(shares, weak))
+        return of_frames, weak
 
     @cached_property
     def priors(self) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.markers.fit_noise import FitNoise
 from geodesic_ocp.recordings.markers.fit_program import LOOSE_SPREAD, PRIOR_TIME, FitProblem
 from geodesic_ocp.recordings.markers.markers import evenly
 from geodesic_ocp.tables import new_table
@@ -106,6 +107,8 @@ class MarkerFit:
         constant_errors: standard deviations of the constant errors of the joints' angles (n,)
             [rad] that uncertain places of the markers on their segments leave; NaN for joints that
             are not determined.
+        noise: errors of the angles over time that the markers' errors make, from which
+            `Analysis.uncertainty` draws.
         marker_set: name of the marker set.
         left_out: markers of the recording that were not used.
         seconds: seconds that the fit took.
@@ -126,6 +129,7 @@ class MarkerFit:
     height_from: str
     undetermined: tuple[str, ...]
     constant_errors: Array
+    noise: FitNoise
     marker_set: str
     left_out: tuple[str, ...]
     seconds: float

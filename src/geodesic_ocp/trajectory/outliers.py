@@ -1,0 +1,193 @@
+"""What in a recording is no motion: spikes, repeated frames, whole revolutions, frozen sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array, ShortRepr
+
+ALL_JOINTS = "all joints"
+Kind = Literal["spike", "repeated frame", "wrap", "frozen"]
+# A spike is this many standard deviations of the noise off, and at least so far [rad or m].
+_SPIKE, _LEAST = 10.0, 0.08
+_WINDOW = 0.5  # [s] to both sides, over which the noise is measured
+_NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal variable
+_WRAP = 0.5  # [rad] by which a step may differ from whole revolutions
+_REPEATED = 3  # frames at most that are repeated and then caught up with
+_OFTEN = 0.2  # share of frames that repeat the one before, above which it is no exception
+_CATCH_UP = 1.5  # times the step before, at least, after a repeated frame
+# A sensor is frozen if it repeats a number so long and often while another joint moves so far.
+_FROZEN, _FROZEN_SAMPLES, _ELSEWHERE = 0.1, 5, 0.05  # [s], samples, [rad or m]
+_AT_LIMIT = 1e-3  # [rad or m] from the end of a joint's range, where a fit to markers holds it
+_ALTERNATING = -0.4  # correlation of successive fourth differences: -0.8 of noise, 1 of a curve
+
+
+@dataclass(frozen=True, repr=False)
+class Outlier(ShortRepr):
+    """Samples of a recording that are no motion, and what was done about them.
+
+    Attributes:
+        kind: "spike", one sample that is far from its neighbours; "repeated frame", equal to the
+            one before in all joints and caught up with afterwards; "wrap", a step by whole
+            revolutions; "frozen", a joint that repeats a number while others move.
+        joint: name of the joint; of a repeated frame "all joints".
+        start, stop: times of the first and the last such sample [s].
+        size: how far a spike is from its neighbours, or a wrap [rad]; else 0.
+    """
+
+    kind: Kind
+    joint: str
+    start: float
+    stop: float
+    size: float = 0.0
+
+    def __str__(self) -> str:
+        """Return what it is, when, and what was done, as a phrase."""
+        at = f"{self.joint} at {self.start:.3f} s"
+        if self.kind == "spike":
+            return f"{at} is {abs(self.size):.2g} rad off its neighbours (spike, interpolated)"
+        if self.kind == "wrap":
+            turns = round(self.size / (2.0 * np.pi))
+            return f"{at} steps by {360 * turns:+d} deg (wrap, undone)"
+        if self.kind == "repeated frame":
+            return f"{at} repeat the frame before (interpolated)"
+        return (
+            f"{self.joint} from {self.start:.3f} to {self.stop:.3f} s repeats one number while "
+            "others move (frozen, kept: cut the recording there, or leave it out)"
+        )
+
+
+def without_outliers(
+    time: Array, q: Array, names: Sequence[str]
+) -> tuple[Array, tuple[Outlier, ...]]:
+    """Return coordinates without spikes, repeated frames and wraps, and what was found.
+
+    A spike is told by its distance from the cubic through two neighbours on each side, a fourth
+    difference: ten times the standard deviation of these distances around it and in the whole
+    recording, and 0.08 rad or more. A frozen sensor is not told from a joint at the end of its
+    range, and a recording of fewer than nine samples is taken as it is.
+
+    Args:
+        time: (k,) [s].
+        q: (k, n) [rad or m].
+        names: of the n joints.
+    """
+    if len(time) < 9:
+        return q, ()
+    q, found = np.array(q), list[Outlier]()
+    for column, name in enumerate(names):
+        found += _unwrap(time, q[:, column], name)
+    missing = np.zeros(q.shape, dtype=bool)
+    for first, last in _repeated(q):
+        missing[first : last + 1] = True
+        found.append(Outlier("repeated frame", ALL_JOINTS, time[first], time[last]))
+    _interpolate(time, q, missing)
+    half = max(4, round(_WINDOW * (len(time) - 1) / float(time[-1] - time[0])))
+    missing[:] = False
+    for column, name in enumerate(names):
+        away = _off_neighbours(q[:, column])
+        noise = _local_noise(away, half)
+        for sample in _spikes(q[:, column], away, noise):
+            missing[sample, column] = True
+            found.append(Outlier("spike", name, time[sample], time[sample], float(away[sample])))
+        found += _frozen(time, q, column, name, away, noise)
+    _interpolate(time, q, missing)
+    return q, tuple(sorted(found, key=lambda each: each.start))
+
+
+def _unwrap(time: Array, angle: Array, name: str) -> Iterator[Outlier]:
+    """Yield steps by whole revolutions, and take them out of the angle in place."""
+    steps = np.diff(angle)
+    turns = np.round(steps / (2.0 * np.pi))
+    turns[np.abs(steps - 2.0 * np.pi * turns) > _WRAP] = 0.0
+    for sample in np.flatnonzero(turns):
+        size = float(2.0 * np.pi * turns[sample])
+        yield Outlier("wrap", name, time[sample + 1], time[sample + 1], size)
+    if np.any(turns):
+        angle[1:] -= 2.0 * np.pi * np.cumsum(turns)
+        angle -= 2.0 * np.pi * np.round(np.median(angle) / (2.0 * np.pi))
+
+
+def _runs(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return first indices of runs of true flags, and those after their ends (r, 2)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return edges.reshape(-1, 2)
+
+
+def _repeated(q: Array) -> Iterator[tuple[int, int]]:
+    """Yield first and last frames that repeat the one before, if the next one catches up."""
+    steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    if np.mean(steps == 0.0) > _OFTEN:  # it rests, or every sample is there twice
+        return
+    for first, after in _runs(steps == 0.0):
+        if first == 0 or after == len(steps) or after - first > _REPEATED:
+            continue
+        # Joints move before and after, as far as in the frames that are lost.
+        before, next_one = steps[first - 1], steps[after]
+        usual = np.median(steps[max(0, first - 5) : after + 6])
+        if next_one > _CATCH_UP * max(before, usual) and before > 0.0:
+            yield int(first + 1), int(after)
+
+
+def _off_neighbours(values: Array) -> Array:
+    """Return distances from the cubic through two neighbours on each side; 0 at the four ends."""
+    off = np.zeros(len(values))
+    near, far = values[1:-3] + values[3:-1], values[:-4] + values[4:]
+    off[2:-2] = values[2:-2] - (4.0 * near - far) / 6.0
+    return off
+
+
+def _local_noise(away: Array, half: int) -> Array:
+    """Return standard deviations of these distances around every sample, which no spike changes."""
+    size = min(2 * half + 1, len(away) // 2 * 2 - 1)
+    medians = scipy.ndimage.median_filter(np.abs(away[2:-2]), size=size, mode="mirror")
+    # A joint that stands still, or is held at a limit, has no noise for a while.
+    medians = np.maximum(medians, np.median(np.abs(away[2:-2])))
+    return np.pad(np.asarray(medians, dtype=float), 2, mode="edge") / _NORMAL_MEDIAN
+
+
+def _spikes(values: Array, away: Array, noise: Array) -> list[int]:
+    """Return samples that stick out of both neighbours, and are the worst within two samples."""
+    found = []
+    for sample in np.flatnonzero(np.abs(away) > np.maximum(_SPIKE * noise, _LEAST)):
+        sides = values[sample] - values[[sample - 1, sample + 1]]
+        worst = np.abs(away[sample - 2 : sample + 3]).max()
+        # Of a step, both sides differ in sign; of a fast turn, they are much less than the rest.
+        if sides.prod() > 0.0 and np.abs(sides).min() > 0.5 * worst == 0.5 * abs(away[sample]):
+            found.append(int(sample))
+    return found
+
+
+def _frozen(
+    time: Array, q: Array, column: int, name: str, away: Array, noise: Array
+) -> Iterator[Outlier]:
+    """Yield spans in which a joint repeats a number while another joint moves."""
+    values = q[:, column]
+    for first, after in _runs(np.diff(values) == 0.0):
+        span = slice(first, after + 1)
+        if after - first < _FROZEN_SAMPLES or time[after] - time[first] < _FROZEN:
+            continue
+        if np.ptp(q[span], axis=0).max() < _ELSEWHERE or np.ptp(values) < _LEAST:
+            continue
+        if min(values[first] - values.min(), values.max() - values[first]) < _AT_LIMIT:
+            continue
+        others = np.delete(away[2:-2], np.s_[max(first - 4, 0) : after + 1])
+        noisy = others.size > 8 and others[1:] @ others[:-1] < _ALTERNATING * (others @ others)
+        edges = [edge for edge in (first, first + 1, after, after + 1) if edge < len(values)]
+        jumps = np.abs(away[edges]) > np.maximum(_SPIKE * noise[edges], _LEAST)
+        if noisy or jumps.any():
+            yield Outlier("frozen", name, time[first], time[after])
+
+
+def _interpolate(time: Array, q: Array, missing: NDArray[np.bool_]) -> None:
+    """Replace missing samples (k, n) by the cubic spline through the others, in place."""
+    for column in np.flatnonzero(missing.any(axis=0)):
+        there = ~missing[:, column]
+        spline = scipy.interpolate.CubicSpline(time[there], q[there, column])
+        q[~there, column] = spline(time[~there])
