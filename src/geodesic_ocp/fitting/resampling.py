@@ -85,7 +85,9 @@ class Heterogeneity:
 def heterogeneity(fits: Mapping[str, MetricFit]) -> tuple[Heterogeneity, ...]:
     """Return for every parameter whether separate fits (`separate_fits`) disagree.
 
-    Estimates at a bound and those that the data do not determine are left out.
+    Args:
+        fits: by recording or subject. Estimates at a bound and those that the data do not determine
+            are left out.
     """
     found = []
     names = [each.name for each in next(iter(fits.values())).estimates] if fits else []
