@@ -15,8 +15,8 @@ from small_retargeting import small_analysis
 
 import geodesic_ocp as go
 from geodesic_ocp.retargeting.paired_arm import PairedArm
+from geodesic_ocp.retargeting.pairing import paired_arms
 from geodesic_ocp.retargeting.reachability import nearest_poses, random_starts
-from geodesic_ocp.retargeting.retarget import paired_arms
 
 LENIENT = go.RetargetingSettings(merge=0.4, self_collision=False)
 

@@ -29,8 +29,8 @@ from geodesic_ocp.retargeting.paired_arm import (
     has_elbow,
     middle_of_ranges,
 )
+from geodesic_ocp.retargeting.pairing import paired_arms
 from geodesic_ocp.retargeting.reachability import NearestPoses, nearest_of_each, random_starts
-from geodesic_ocp.retargeting.retarget import paired_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, arm_waypoints
 from geodesic_ocp.synergies.analyse import Analysis
