@@ -249,6 +249,7 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
         found = go.retarget(
             analysis,
             robot,
+            alignment=go.retargeting.align(robot),  # or it would be moved
             tolerance=LOOSE,
             settings=replace(SETTINGS, scale=1.5),
             progress=progress,

@@ -30,13 +30,16 @@ from geodesic_ocp.retargeting.arm_result import (
 )
 from geodesic_ocp.retargeting.candidates import (
     Candidates,
+    attained,
     find_start,
     first_candidates,
     graph_weights,
+    own_lacks,
 )
 from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
 from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.retargeting.pairing import paired_arms
+from geodesic_ocp.retargeting.place_base import BasePlacement, place_within_reach
 from geodesic_ocp.retargeting.reachability import reachability
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
@@ -93,7 +96,9 @@ def retarget(
         analysis: analysis of the person's motion (`analyse`).
         robot: the arm, or a body with several hands.
         alignment: alignment of the robot's shoulder and hand with the person's, or one for each of
-            several hands; None: that of the known robot (`go.retargeting.align`).
+            several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
+            out of reach, the base of a single arm is moved to where most are within reach
+            (`place_base`), unless a start, obstacles or a problem of one's own are given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -108,8 +113,9 @@ def retarget(
         progress: called with the current step, the amount done and the total.
 
     Warns:
-        UserWarning: before anything is solved, poses that are out of reach by more than the
-            tolerance, with the distances of the nearest ones found; afterwards poses that are
+        UserWarning: before anything is solved, a base that is moved, and poses that are out of
+            reach by more than the tolerance, with the distances of the nearest ones found;
+            afterwards poses that are
             missed by more than the tolerance, detours of the hand, links that come too near, and
             synergies that take three times the person's time, with the place in the recording.
 
@@ -178,11 +184,18 @@ def retarget_arms(
     pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
+    placement: BasePlacement | None = None
     bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first of each
     if settings.constrained:
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
         grasps = [_grasps(pair, tolerance) for pair in bodies]
+        movable = len(bodies) == 1 and problem is SynergyPaths and not settings.obstacles
+        movable &= all(each is None for given in (alignments, starts) for each in given or ())
+        if movable and (moved := _within_reach(grasps[0][0], clearance, report)):
+            placed, placement = moved
+            pairs, grasps = list(placed.of_hands), [_grasps(placed, tolerance)]
+            bodies = pairs[:1]
         found: list[tuple[PlannedPaths, list[_Grasp]]] = []
         for number in range(max(map(len, grasps))):  # that of the person, and turned
             chosen = [each[min(number, len(each) - 1)] for each in grasps]
@@ -209,7 +222,7 @@ def retarget_arms(
     planned = _in_time(bodies, of_bodies, paths, clearance, throw, report)
     retargeted = list[RetargetedArm]()
     for each in zip(pairs, transfers, far, strict=True):
-        arm, first = RetargetedArm.retargeted(*each, planned, rate), retargeted[-1:]
+        arm, first = RetargetedArm.retargeted(*each, planned, rate, placement), retargeted[-1:]
         same = [other.first or other for other in first if other.body == arm.body]
         retargeted.append(replace(arm, first=same[0]) if same else arm)
     report("done", len(pairs), len(pairs))
@@ -240,6 +253,32 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
     weights = graph_weights(*found[0][1:], pair.settings)
     costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
     return found if costs[1] < _WORTH * costs[0] else found[:1]
+
+
+def _within_reach(
+    grasp: _Grasp, clearance: Clearance | None, report: Progress
+) -> tuple[PairedArm, BasePlacement] | None:
+    """Return the arm with its base moved to where more poses are within reach; None if all are, or
+    if no place is better.
+
+    Warns:
+        UserWarning: the base is moved.
+    """
+    pair, waypoints, layers = grasp
+    if pair.settings.position_weight == 0.0 or all(
+        attained(waypoints, layers, own_lacks(clearance, (waypoints,), 0))
+    ):
+        return None
+    report("placing the base", 0, 1)
+    found = place_within_reach(pair, clearance)
+    if found is not None:
+        warnings.warn(
+            f"{pair.name} is moved, as poses are out of reach: {found[1]}. To keep it where "
+            "its alignment has it, pass that alignment (--mount fixed)",
+            UserWarning,
+            4,
+        )
+    return found
 
 
 def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:
