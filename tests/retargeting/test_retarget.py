@@ -256,6 +256,7 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
         )
     assert reported[0].startswith("choosing")
     (arm,) = found.arms
+    assert arm.placement is None
     assert arm.out_of_reach
     said = " ".join(str(each.message) for each in caught)
     for number, (distance, _) in arm.out_of_reach.items():

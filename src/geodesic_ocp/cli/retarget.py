@@ -49,7 +49,6 @@ from geodesic_ocp.trajectory.joint_trajectory import check_export
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed
 _REPORT = "report.html"
-_ALIGNMENT = "alignment.json"
 Mount: TypeAlias = Literal["auto", "fixed"]
 # One alignment for each hand; None: the default, from which the robot may be moved.
 _Arm: TypeAlias = tuple[Model, list[Alignment] | None]
@@ -94,8 +93,9 @@ def retarget(
             one for each --robot, or for each hand of a body.
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
             degrees about the vertical, to where most poses are within reach at least cost. fixed:
-            leave it there. By default, one arm without --alignment and --obstacle is moved if poses
-            are out of reach. With --out, alignment.json says where a moved robot stands.
+            leave it there. By default, one robot without --alignment and --obstacle is moved if
+            poses are out of reach. With --out, alignment.json says where a moved robot stands
+            (alignment_right.json and alignment_left.json for a body).
         payload: mass in every hand [kg], at the origin of its frame, or MASS,x,y,z at another
             centre, or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
@@ -114,8 +114,8 @@ def retarget(
         check_export(wanted)
     if report:
         require_pages()
-    if mount == "auto" and side == "both":
-        raise ValueError("--mount auto: for one arm; those of one robot cannot be moved apart")
+    if mount == "auto" and len(robot) > 1:
+        raise ValueError("--mount auto: for one --robot; two arms of one cannot be moved apart")
     of_arms = hand or (), base or (), alignment or ()
     is_body = side == "both" and len(robot) == 1
     sides: list[Sides] = [side] if is_body else [*each_side(side)]
@@ -237,11 +237,11 @@ def _transfer(
     alignments = [aligned for _, aligned in arms]
     placed: BasePlacement | None = None
     if mount == "auto":
-        given = alignments[0][0] if alignments[0] else None
+        (given,) = alignments
         placed = place_base(
             robots[0], analyses, alignment=given, limits=joints[0], settings=settings
         )
-        alignments = [[placed.alignment]]
+        alignments = [list(placed.alignments)]
         print(f"{robots[0].name}: {placed}\n")
     elif mount:
         alignments = [each or _default_alignments(robot) for robot, each in arms]
@@ -260,7 +260,10 @@ def _transfer(
         print()
         print_written(result.save(out))
         if placed := placed or result.arms[0].placement:
-            print_written([placed.alignment.save(out / _ALIGNMENT, (str(placed),))])
+            notes = (str(placed),)
+            names = [f"_{each.side}" for each in placed.alignments if len(placed.alignments) > 1]
+            for aligned, name in zip(placed.alignments, names or [""], strict=True):
+                print_written([aligned.save(out / f"alignment{name}.json", notes)])
         if with_report:
             print_written([write_report(result, out / _REPORT)])
         else:

@@ -165,6 +165,8 @@ def place_base(
         raise ValueError(
             "mirrored: the side of the alignment must be known, and settings.mirror be None"
         )
+    if mirrored and len(pairs[0].hands) > 1:
+        raise ValueError("mirrored: for a robot with one hand")
     lower, upper = np.transpose(bounds)
     clearance = motion_clearance([as_model(robot)], settings)
     return _BaseSearch(tuple(pairs), lower, upper, mirrored, clearance).best()

@@ -97,8 +97,9 @@ def retarget(
         robot: the arm, or a body with several hands.
         alignment: alignment of the robot's shoulder and hand with the person's, or one for each of
             several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
-            out of reach, the base of a single arm is moved to where most are within reach
-            (`place_base`), unless a start, obstacles or a problem of one's own are given.
+            out of reach, or links too near or joints too weak at them, the base of one robot is
+            moved to where most are attained (`place_base`), unless a start, obstacles or a problem
+            of one's own are given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
