@@ -30,6 +30,7 @@ from geodesic_ocp.retargeting.paired_arm import (
     PairedArm,
     PoseMapping,
     elbow_offset,
+    gravity_on,
     has_elbow,
     middle_of_ranges,
     upright,
@@ -37,7 +38,12 @@ from geodesic_ocp.retargeting.paired_arm import (
 from geodesic_ocp.retargeting.pairing import paired_arms
 from geodesic_ocp.retargeting.reachability import nearest_of_each, random_starts
 from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, arm_waypoints
+from geodesic_ocp.retargeting.waypoints import (
+    ArmWaypoints,
+    ObjectiveWeights,
+    arm_waypoints,
+    weakness,
+)
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
@@ -362,17 +368,17 @@ class _BaseSearch:
                 likeness = 0.0 if arm.offsets is None else weights.likeness / (arm.count + 1)
                 posture = weights.posture / (arm.count + 1)
                 parts = (pose.numbers, centre, base.ravel(order="F"), offset)
-                values.append(np.hstack([*parts, likeness, posture]))
+                values.append(np.hstack([*parts, likeness, posture, 1.0 / (arm.count + 1)]))
                 places.append([0, 1, 2, 3, *row])
             for number, duration in enumerate(arm.durations):
                 late = duration * weights.stretch / weights.duration
                 steps.append([*rows[number], *rows[number + 1]])
                 speed = arm.speed[number] * duration
                 lines.append([1.0 / (duration * weights.action), late, *(1.0 / speed)])
-        arm = default[0]
+        arm, torque = default[0], tuple(self.pairs[0].limits.torque.tolist())
         blocks = [
             Block(
-                _pose_terms(arm.arm, arm.hands, aligned[0], arm.rows),
+                _pose_terms(arm.arm, arm.hands, aligned[0], arm.rows, torque),
                 np.array(places),
                 np.array(values),
             ),
@@ -426,13 +432,17 @@ def _yawed(angle: float | ca.SX) -> ca.SX | Array:
 
 @lru_cache(maxsize=16)
 def _pose_terms(
-    robot: Model, hands: tuple[str, ...], alignment: Alignment, rows: tuple[int, ...]
+    robot: Model,
+    hands: tuple[str, ...],
+    alignment: Alignment,
+    rows: tuple[int, ...],
+    torque: tuple[float, ...],
 ) -> Terms:
-    """Return pose errors and posture in place and configuration, and of a single arm the elbow's;
-    p as in `_polished`.
+    """Return pose errors, posture and weak joints in place and configuration, and of a single arm
+    the elbow's error; p as in `_polished`.
     """
     count = len(hands)
-    edges = np.cumsum([0, 3 * count, 9 * count, 3, 9, 3, 2]).tolist()
+    edges = np.cumsum([0, 3 * count, 9 * count, 3, 9, 3, 3]).tolist()
     place, q, p = ca.SX.sym("place", 4), ca.SX.sym("q", robot.dof), ca.SX.sym("p", edges[-1])
     positions, rotations, centre, base, offset, weights = ca.vertsplit(p, edges)
     base = ca.reshape(base, 3, 3)
@@ -445,6 +455,7 @@ def _pose_terms(
     error = stacked_error(robot, hands, q, position, rotation, ca.SX.eye(3))[list(rows)]
     middle, half = middle_of_ranges(robot)
     cost = _EXACT * ca.sumsqr(error) / 2.0 + weights[1] * ca.sumsqr((q - middle) / half) / robot.dof
+    cost += weights[2] * weakness(robot, q, torque, gravity_on(alignment))
     if count == 1 and has_elbow(robot, alignment):
         own = elbow_offset(robot, alignment, q, moved)
         cost += weights[0] * ca.sumsqr(own - turn @ offset)
