@@ -116,6 +116,7 @@ def place_base(
     analyses: Analysis | Sequence[Analysis],
     *,
     alignment: Alignment | Sequence[Alignment] | None = None,
+    person_alignment: Alignment | Sequence[Alignment] | None = None,
     limits: JointLimits | None = None,
     settings: RetargetingSettings = _DEFAULT,
     sideways: tuple[float, float] = _SHIFTS,
@@ -139,6 +140,7 @@ def place_base(
         analyses: analysis of one motion, or of many that are to be taken over from one place.
         alignment: alignment of the robot at its default place, or one for each of several hands;
             None: that of `align`.
+        person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         limits: limits of the robot's joints; None: those of `joint_limits`.
         settings: settings of the retargeting.
         sideways, distance, height: least and largest shift of the base from the default place, to
@@ -165,7 +167,8 @@ def place_base(
     pairs: list[PairedArm] = []
     for each in given:
         limits = pairs[0].limits if pairs else limits
-        given_arm = [each], [as_model(robot)], [alignment], None, [limits], None, settings
+        aligned = [alignment], [person_alignment]
+        given_arm = [each], [as_model(robot)], *aligned, [limits], None, settings
         pairs += paired_arms(*given_arm)[:1]  # of a body that of the first hand
     if mirrored and (settings.mirror is not None or pairs[0].mapping.target.side is None):
         raise ValueError(
