@@ -295,7 +295,7 @@ def _summarize(result: Retargeting) -> None:
         )
     for arm in result.bodies:
         if arm.placement:
-            print(f"{arm.name} was moved, as poses were out of reach: {arm.placement}")
+            print(f"{arm.name} was moved, as it did not attain all poses: {arm.placement}")
         if arm.robot.shared_joints:
             print(waist_motion(arm))
     time = "the person's time"

@@ -274,7 +274,7 @@ def _within_reach(
     found = place_within_reach(pair, clearance)
     if found is not None:
         warnings.warn(
-            f"{pair.name} is moved, as poses are out of reach: {found[1]}. To keep it where "
+            f"{pair.name} is moved, as it does not attain all poses: {found[1]}. To keep it where "
             "its alignment has it, pass that alignment (--mount fixed)",
             UserWarning,
             4,
