@@ -171,8 +171,8 @@ class RetargetedArm(PairedArm):
         out_of_reach: distance [m] and angle [rad] of the nearest pose that inverse kinematics
             found, for poses out of reach, by number of the pose: 0 is the first pose, k the end of
             synergy k, counted from 1. `pose_errors` has what the motion achieves.
-        placement: where the base stands, as not all poses are attained from its default place; None:
-            where the alignment has it that was given, or the default.
+        placement: where the base stands, as not all poses are attained at its default place;
+            None: where the alignment has it that was given, or the default.
         first: the result for the first hand of a body, whose motion and baseline are those of all;
             None: this is it.
     """
