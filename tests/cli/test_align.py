@@ -106,7 +106,7 @@ def test_the_exit_code_is_1_without_success(
     file = robot.with_name("reach.npz")
     monkeypatch.setattr(retarget_command, "analyse_file", lambda *_: small_analysis())
     command = ["retarget", "reach.csv", "--robot", str(robot), "--hand", "flange"]
-    command += ["--orientation-weight", "0", "--export", str(file)]
+    command += ["--orientation-weight", "0", "--export", str(file), "--mount", "fixed"]
     assert cli.main([*command, *options]) == 1
     printed = capsys.readouterr().err
     assert all(reason in printed for reason in reasons)

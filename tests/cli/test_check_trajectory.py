@@ -46,6 +46,10 @@ def test_a_good_trajectory_has_exit_code_zero(
     assert "turn.csv: 201 samples, 2 s, 100 Hz" in out
     assert "all conditions hold" in out
     assert "jerk: default: full acceleration within 0.05 s" in out
+    assert run(file, "--robot", robot, "--hand", "a", "--hand", "arm") == 2  # of a body
+    assert "hand 'arm' is not a frame of 'one'" in capsys.readouterr().err
+    assert run(file, *["--robot", robot] * 3, *["--hand", "a"] * 2) == 2
+    assert "--hand: one for all or for each --robot, got a, a" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("limit", ["0.9", "turn=0.9"])

@@ -523,7 +523,7 @@ def test_wrong_robots_are_named(
     assert "two robots, of the right and of the left arm" in capsys.readouterr().err
     both = ["--side", "both", "--robot", "armar6-right", "--robot", "armar6-left"]
     assert cli.main(["retarget", str(short_file), *both, "--mount", "auto"]) == 2
-    assert "--mount: for one arm" in capsys.readouterr().err
+    assert "--mount auto: for one --robot" in capsys.readouterr().err
     assert cli.main(["demo", "--robot", "pandora", "--out", str(tmp_path)]) == 2
     assert not any(tmp_path.glob("*/figure.png"))
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 from small_retargeting import small_analysis
 
 import geodesic_ocp as go
@@ -76,19 +79,24 @@ def test_one_configuration_has_the_poses_of_both_hands() -> None:
 
 
 @pytest.fixture(scope="module")
-def result() -> go.retargeting.Retargeting:
-    """A person who turns the waist and reaches with both arms, on a body with another waist."""
+def analysis() -> go.Analysis:
+    """A person who turns the waist and reaches with both arms."""
     person = planar_body("person")
     time = np.linspace(0.0, 2.0, 81)
     begin = np.array([0.0, -0.4, 0.9, 0.2, 0.4, -0.9, -0.2])
     end = np.array([0.6, 0.3, 0.4, 0.5, 0.9, -0.5, 0.3])
     smooth = (time / 2.0) ** 2 * (3.0 - time)
     motion = go.Motion(time, begin + smooth[:, None] * (end - begin), person.joint_names)
-    analysis = go.analyse(person, motion.filtered())
+    return go.analyse(person, motion.filtered())
+
+
+@pytest.fixture(scope="module")
+def result(analysis: go.Analysis) -> go.retargeting.Retargeting:
+    """On a body with another waist."""
     body = planar_body("body")
     limits = joint_limits(body, hand_speed=0.5)
     settings = go.RetargetingSettings(exact=True, rotor_inertia=False, self_collision=False)
-    given = alignments(person)
+    given = alignments(body)
     return go.retarget(
         *(analysis, body),
         alignment=given,
@@ -115,6 +123,30 @@ def test_both_hands_pass_their_poses_on_one_trajectory(result: go.retargeting.Re
             pin.framesForwardKinematics(model, data, q)
             assert_allclose(data.oMf[frame].translation, arm.target_poses[1][sample], atol=2e-3)
             assert_allclose(data.oMf[frame].rotation, arm.target_poses[0][sample], atol=5e-3)
+
+
+@pytest.mark.slow
+def test_a_displaced_body_is_found_again(analysis: go.Analysis) -> None:
+    """Its base moves both hands' poses by one rigid motion, to where both are within reach."""
+    body = planar_body("body")
+    given = alignments(body)
+    planted = [replace(each, shoulder=np.add(each.shoulder, (0.2, 0.25, 0.0))) for each in given]
+    found = go.retargeting.place_base(
+        *(body, analysis),
+        alignment=planted,
+        person_alignment=given,
+        settings=go.RetargetingSettings(rotor_inertia=False, self_collision=False),
+        height=(0.0, 0.0),
+    )
+    assert found.reached == found.count > found.reached_before
+    turn = Rotation.from_euler("z", -found.yaw).as_matrix()
+    before, after = (
+        np.subtract(*(np.asarray(each.shoulder) for each in several))
+        for several in (planted, found.alignments)
+    )
+    assert_allclose(after, turn @ before, atol=1e-12)
+    for each in found.alignments:
+        assert_allclose(each.base, turn, atol=1e-12)
 
 
 @pytest.mark.slow

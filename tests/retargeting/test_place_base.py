@@ -15,9 +15,10 @@ from small_retargeting import small_analysis
 
 import geodesic_ocp as go
 from geodesic_ocp.retargeting.paired_arm import PairedArm
+from geodesic_ocp.retargeting.pairing import paired_arms
 from geodesic_ocp.retargeting.reachability import nearest_poses, random_starts
-from geodesic_ocp.retargeting.retarget import paired_arms
 
+SCALE = 1.1
 LENIENT = go.RetargetingSettings(merge=0.4, self_collision=False)
 
 
@@ -82,6 +83,20 @@ def test_the_place_found_is_no_worse_than_the_default(
     if not wide:
         assert found.yaw == 0.0
         assert abs(found.shift[1]) <= 0.05
+
+
+def test_a_robot_is_moved_if_poses_are_out_of_reach(robot: go.Model) -> None:
+    """Poses a tenth farther from the shoulder are within reach of an arm that stands nearer."""
+    chosen = replace(LENIENT, scale=SCALE, speed_limits=False, path_tolerance=(np.inf, np.inf))
+    with pytest.warns(UserWarning, match="is moved, as it does not attain all poses: base "):
+        found = go.retarget(small_analysis(), robot, settings=chosen, tolerance=1e-3)
+    (arm,) = found.arms
+    assert arm.placement is not None
+    assert arm.placement.count == arm.placement.reached > arm.placement.reached_before
+    assert not arm.missed
+    assert "was moved, as it did not attain all poses" in found.synergy_table().attrs["note"]
+    assert_allclose(arm.mapping.target.shoulder, arm.placement.alignment.shoulder)
+    assert arm.mapping.scale == SCALE  # as asked for
 
 
 def test_a_scale_to_fit_is_the_largest_that_does(robot: go.Model) -> None:

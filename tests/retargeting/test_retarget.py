@@ -249,12 +249,14 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
         found = go.retarget(
             analysis,
             robot,
+            alignment=go.retargeting.align(robot),  # or it would be moved
             tolerance=LOOSE,
             settings=replace(SETTINGS, scale=1.5),
             progress=progress,
         )
     assert reported[0].startswith("choosing")
     (arm,) = found.arms
+    assert arm.placement is None
     assert arm.out_of_reach
     said = " ".join(str(each.message) for each in caught)
     for number, (distance, _) in arm.out_of_reach.items():

@@ -34,7 +34,7 @@ def check_trajectory(
     /,
     *,
     robot: list[str],
-    hand: str | None = None,
+    hand: list[str] | None = None,
     base: str | None = None,
     alignment: list[Path] | None = None,
     aligned: Flag = False,
@@ -53,7 +53,8 @@ def check_trajectory(
     Args:
         file: trajectory (.csv, .json of ROS 2, or .npz).
         robot: name (see geodesic-ocp models) or file; twice for two arms, in their order.
-        hand: hand frame, for a robot from a file.
+        hand: hand frame, for a robot from a file; one for all or for each --robot, or the hands of
+            a body.
         base: fixed frame of the robot that becomes its base.
         alignment: alignment with a person, as written by geodesic-ocp align: gravity is along the
             person's body; one for each --robot.
@@ -75,7 +76,10 @@ def check_trajectory(
         raise ValueError("--aligned, --alignment and --gravity exclude each other")
     trajectory = read_trajectory(file)
     with printed_warnings():
-        robots = [load_model(name, hand=hand, base=base) for name in robot]
+        hands = _hands(hand or [], len(robot))
+        robots = [
+            load_model(name, hand=own, base=base) for name, own in zip(robot, hands, strict=True)
+        ]
     free_fall = _free_fall(robots, gravity, aligned, alignment or ())
     if rotor_inertia:
         robots = [with_rotor_inertia(each) for each in robots]
@@ -102,6 +106,21 @@ def check_trajectory(
         for name, source in its_limits.sources.items():
             print(f"  {name}: {source}")
     return 0 if result.passed else 1
+
+
+def _hands(given: Sequence[str], count: int) -> list[Sequence[str] | str | None]:
+    """Return the hands of each robot.
+
+    Raises:
+        ValueError: several robots, and another number of hands.
+    """
+    if len(given) <= 1:
+        return [given[0] if given else None] * count
+    if count == 1:
+        return [given]
+    if len(given) != count:
+        raise ValueError(f"--hand: one for all or for each --robot, got {', '.join(given)}")
+    return [*given]
 
 
 def _free_fall(

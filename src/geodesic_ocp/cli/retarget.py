@@ -37,7 +37,7 @@ from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import Alignment, align, read_alignment
 from geodesic_ocp.retargeting.paired_arm import MISSED
-from geodesic_ocp.retargeting.place_base import place_base
+from geodesic_ocp.retargeting.place_base import BasePlacement, place_base
 from geodesic_ocp.retargeting.result import Retargeting, waist_motion
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -49,9 +49,9 @@ from geodesic_ocp.trajectory.joint_trajectory import check_export
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed
 _REPORT = "report.html"
-_ALIGNMENT = "alignment.json"
-Mount: TypeAlias = Literal["auto"]
-_Arm: TypeAlias = tuple[Model, list[Alignment]]  # one for each hand
+Mount: TypeAlias = Literal["auto", "fixed"]
+# One alignment for each hand; None: the default, from which the robot may be moved.
+_Arm: TypeAlias = tuple[Model, list[Alignment] | None]
 
 
 def retarget(
@@ -92,8 +92,10 @@ def retarget(
         alignment: file of the robot's alignment with the person, as written by geodesic-ocp align;
             one for each --robot, or for each hand of a body.
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
-            degrees about the vertical, to where most poses are within reach at least cost; with
-            --out, also writes alignment.json.
+            degrees about the vertical, to where most poses are within reach at least cost. fixed:
+            leave it there. By default, one robot without --alignment and --obstacle is moved if
+            poses are out of reach. With --out, alignment.json says where a moved robot stands
+            (alignment_right.json and alignment_left.json for a body).
         payload: mass in every hand [kg], at the origin of its frame, or MASS,x,y,z at another
             centre, or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
@@ -112,8 +114,8 @@ def retarget(
         check_export(wanted)
     if report:
         require_pages()
-    if mount and side == "both":
-        raise ValueError("--mount: for one arm; those of one robot cannot be moved apart")
+    if mount == "auto" and len(robot) > 1:
+        raise ValueError("--mount auto: for one --robot; two arms of one cannot be moved apart")
     of_arms = hand or (), base or (), alignment or ()
     is_body = side == "both" and len(robot) == 1
     sides: list[Sides] = [side] if is_body else [*each_side(side)]
@@ -185,7 +187,7 @@ def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence
             raise ValueError(f"--alignment: one for each of the hands {', '.join(robot.hands)}")
         if files:
             return robot, [read_alignment(file) for file in files]
-        return robot, [align(robot.with_hand(each)) for each in robot.hands]
+        return robot, None
 
 
 def _bodies() -> list[str]:
@@ -214,7 +216,7 @@ def _arms(
             if hand is None and name in _bodies():
                 name = ROBOTS[name].arms[side == "left"]
             robot = load_model(name, hand=hand, base=base)
-            arms.append((robot, [align(robot) if file is None else read_alignment(file)]))
+            arms.append((robot, None if file is None else [read_alignment(file)]))
     return arms
 
 
@@ -233,12 +235,16 @@ def _transfer(
     loaded = [with_load(robot, payload) for robot, _ in arms]
     robots, joints = limits.of_robots(loaded)
     alignments = [aligned for _, aligned in arms]
-    if mount:
-        given = robots[0], analyses
-        (aligned,) = alignments[0]
-        placed = place_base(*given, alignment=aligned, limits=joints[0], settings=settings)
-        alignments = [[placed.alignment]]
+    placed: BasePlacement | None = None
+    if mount == "auto":
+        (given,) = alignments
+        placed = place_base(
+            robots[0], analyses, alignment=given, limits=joints[0], settings=settings
+        )
+        alignments = [list(placed.alignments)]
         print(f"{robots[0].name}: {placed}\n")
+    elif mount:
+        alignments = [each or _default_alignments(robot) for robot, each in arms]
     with progress() as bar:
         result = retarget_arms(
             analyses,
@@ -253,8 +259,11 @@ def _transfer(
     if out is not None:
         print()
         print_written(result.save(out))
-        if mount:
-            print_written([placed.alignment.save(out / _ALIGNMENT, (str(placed),))])
+        if placed := placed or result.arms[0].placement:
+            notes = (str(placed),)
+            names = [f"_{each.side}" for each in placed.alignments if len(placed.alignments) > 1]
+            for aligned, name in zip(placed.alignments, names or [""], strict=True):
+                print_written([aligned.save(out / f"alignment{name}.json", notes)])
         if with_report:
             print_written([write_report(result, out / _REPORT)])
         else:
@@ -264,6 +273,11 @@ def _transfer(
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"
         print(f"\n{title}:", *result.faults, sep="\n  ", file=sys.stderr)
     return 0 if result.success else 1
+
+
+def _default_alignments(robot: Model) -> list[Alignment]:
+    with printed_warnings():
+        return [align(robot.with_hand(each)) for each in robot.hands]
 
 
 def _summarize(result: Retargeting) -> None:
@@ -280,6 +294,8 @@ def _summarize(result: Retargeting) -> None:
             f"positions scaled by {arm.mapping.scale:.3g}; {poses}"
         )
     for arm in result.bodies:
+        if arm.placement:
+            print(f"{arm.name} was moved, as it did not attain all poses: {arm.placement}")
         if arm.robot.shared_joints:
             print(waist_motion(arm))
     time = "the person's time"

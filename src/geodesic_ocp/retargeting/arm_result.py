@@ -32,6 +32,7 @@ from geodesic_ocp.retargeting.paired_arm import (
     has_elbow,
     nearest_configurations,
 )
+from geodesic_ocp.retargeting.place_base import BasePlacement
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
@@ -170,6 +171,8 @@ class RetargetedArm(PairedArm):
         out_of_reach: distance [m] and angle [rad] of the nearest pose that inverse kinematics
             found, for poses out of reach, by number of the pose: 0 is the first pose, k the end of
             synergy k, counted from 1. `pose_errors` has what the motion achieves.
+        placement: where the base stands, as not all poses are attained at its default place;
+            None: where the alignment has it that was given, or the default.
         first: the result for the first hand of a body, whose motion and baseline are those of all;
             None: this is it.
     """
@@ -179,6 +182,7 @@ class RetargetedArm(PairedArm):
     trajectory: JointTrajectory
     motion: Motion
     out_of_reach: PoseErrors
+    placement: BasePlacement | None = None
     first: RetargetedArm | None = None
 
     def __repr__(self) -> str:
@@ -218,6 +222,7 @@ class RetargetedArm(PairedArm):
         out_of_reach: PoseErrors,
         planned: PlannedTrajectory,
         rate: float,
+        placement: BasePlacement | None,
     ) -> RetargetedArm:
         """Get the result for an arm in a trajectory, sampled at a rate [Hz]."""
         robot, recorded, number = pair.robot, pair.analysis.motion, pair.body
@@ -231,6 +236,7 @@ class RetargetedArm(PairedArm):
             trajectory=planned.sampled(rate, number),
             motion=Motion(times, q, robot.joint_names, v, recorded.subject),
             out_of_reach=out_of_reach,
+            placement=placement,
         )
 
     @cached_property
@@ -309,7 +315,8 @@ class RetargetedArm(PairedArm):
         """Names of the person's arm and of the robot."""
         mirrored = " (mirrored)" if self.mapping.mirror else ""
         turned = ", gripper turned by 180 degrees" if self.mapping.turned else ""
-        return f"{self.analysis.model.name}{mirrored} on {self.name}{turned}"
+        moved = ", base moved" if self.placement else ""
+        return f"{self.analysis.model.name}{mirrored} on {self.name}{turned}{moved}"
 
 
 def _timed(

@@ -21,6 +21,7 @@ from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
 from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
+    gravity_on,
     middle_of_ranges,
     nearest_configurations,
     upright,
@@ -211,7 +212,7 @@ class StartConfigurations(NamedTuple):
 
 def least_action(waypoints: ArmWaypoints, layers: Sequence[Candidates]) -> float:
     """Return action [J s] of the straight lines between those candidates for which it is least."""
-    return _best(waypoints, ObjectiveWeights(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
+    return best_candidates(waypoints, ObjectiveWeights(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
 
 
 def graph_weights(
@@ -259,6 +260,24 @@ def own_lacks(
     return lacks
 
 
+def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> bool:
+    """Return whether links are apart at a configuration (n,), and joints strong enough for it."""
+    still = np.zeros(waypoints.arm.dof)
+    gravity = gravity_on(waypoints.alignment)
+    held = np.abs(waypoints.arm.inverse_dynamics(q, still, still, gravity))
+    strong = bool(np.all(held <= waypoints.limits.torque))
+    return strong and (lacks is None or bool(lacks(q[None])[0] <= 0.0))
+
+
+def attained(
+    waypoints: ArmWaypoints, layers: Sequence[Candidates], lacks: Lacks | None
+) -> list[bool]:
+    """Return which poses any of the candidates attains, within what is allowed, with links apart
+    and joints strong enough to hold the arm there.
+    """
+    return [any(can_hold(waypoints, lacks, q) for q in layer.q[layer.allowed]) for layer in layers]
+
+
 def find_start(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
@@ -274,7 +293,7 @@ def find_start(
         lacks: what distances lack, see `own_lacks`.
     """
     rng = np.random.default_rng(1)
-    best = _best(waypoints, weights, layers, lacks)
+    best = best_candidates(waypoints, weights, layers, lacks)
     for _ in range(_ROUNDS):
         finer = []
         for number, layer in enumerate(layers):
@@ -288,18 +307,19 @@ def find_start(
             more = candidates_near(waypoints, number, starts)
             finer.append(layer.joined(more))
         layers, before = tuple(finer), best
-        best = _best(waypoints, weights, layers, lacks)
+        best = best_candidates(waypoints, weights, layers, lacks)
         if best.cost > 0.99 * before.cost:
             break
     return best
 
 
-def _best(
+def best_candidates(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
     layers: Sequence[Candidates],
     lacks: Lacks | None = None,
 ) -> StartConfigurations:
+    """Return the shortest path through the candidates; see `find_start`."""
     matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
     nodes = [node_costs(waypoints, weights, number, layer) for number, layer in enumerate(layers)]
     if lacks is not None:

@@ -8,16 +8,20 @@ from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.pose_search import rotation_log
+from geodesic_ocp.ocp.pose_search import stacked_error
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.candidates import (
     Lacks,
-    find_start,
+    attained,
+    best_candidates,
+    can_hold,
     first_candidates,
     graph_weights,
     own_lacks,
@@ -26,13 +30,20 @@ from geodesic_ocp.retargeting.paired_arm import (
     PairedArm,
     PoseMapping,
     elbow_offset,
+    gravity_on,
     has_elbow,
     middle_of_ranges,
+    upright,
 )
-from geodesic_ocp.retargeting.reachability import NearestPoses, nearest_of_each, random_starts
-from geodesic_ocp.retargeting.retarget import paired_arms
+from geodesic_ocp.retargeting.pairing import paired_arms
+from geodesic_ocp.retargeting.reachability import nearest_of_each, random_starts
 from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, arm_waypoints
+from geodesic_ocp.retargeting.waypoints import (
+    ArmWaypoints,
+    ObjectiveWeights,
+    arm_waypoints,
+    weakness,
+)
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
@@ -42,9 +53,10 @@ _RATIO = 1.1673039782614187  # x^5 = x + 1: its powers cover four dimensions eve
 _STEPS = 20  # of inverse kinematics, from each of
 _STARTS = 6
 _MOST_POSES = 24  # that are counted
-_CHOSEN = 8  # mountings for which configurations are chosen
+_CHOSEN = 4  # mountings for which configurations are chosen
 _POLISHED = 2
 _TOLERANCE = 1e-6
+_WITHIN = 1e-4  # [m] and [rad]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,18 +64,20 @@ class BasePlacement(ShortRepr):
     """Where a robot's base stands, compared with its default alignment.
 
     Attributes:
-        alignment: to be passed to `retarget`.
+        alignments: to be passed to `retarget`, one for each hand.
         shift: how far the base is moved to the person's right, forward and up (3,) [m].
         yaw: angle by which it is turned to the left about the vertical through its shoulder [rad].
         mirrored: whether left and right of the motion are exchanged, other than by default.
         count: number of poses of the hand, at the ends of the synergies.
-        reached, reached_before: number of these within reach, and with the default alignment.
+        reached, reached_before: number of these within reach, and with the default alignment:
+            within the tolerance, in configurations in which links are apart and joints strong
+            enough to hold the arm.
         cost, cost_before: objective of the best configurations with the poses, joined by straight
-            lines: action, time beyond the person's, likeness, detours and links that are too near,
-            in units of the action with the default alignment; of all recordings.
+            lines: action, time beyond the person's, likeness and detours, in units of the action
+            with the default alignment; of all recordings.
     """
 
-    alignment: Alignment
+    alignments: tuple[Alignment, ...]
     shift: Array
     yaw: float
     mirrored: bool
@@ -73,6 +87,11 @@ class BasePlacement(ShortRepr):
     cost: float
     cost_before: float
     _shown = ("shift", "yaw", "mirrored", "count", "reached", "reached_before")
+
+    @property
+    def alignment(self) -> Alignment:
+        """That of the hand, or of the first of several."""
+        return self.alignments[0]
 
     def __str__(self) -> str:
         ways = (("right", "left"), ("forward", "backward"), ("up", "down"))
@@ -96,7 +115,8 @@ def place_base(
     robot: Model,
     analyses: Analysis | Sequence[Analysis],
     *,
-    alignment: Alignment | None = None,
+    alignment: Alignment | Sequence[Alignment] | None = None,
+    person_alignment: Alignment | Sequence[Alignment] | None = None,
     limits: JointLimits | None = None,
     settings: RetargetingSettings = _DEFAULT,
     sideways: tuple[float, float] = _SHIFTS,
@@ -116,9 +136,11 @@ def place_base(
     frame of the base, move with it.
 
     Args:
-        robot: the arm.
+        robot: the arm, or a body with several hands.
         analyses: analysis of one motion, or of many that are to be taken over from one place.
-        alignment: alignment of the robot at its default place; None: that of `align`.
+        alignment: alignment of the robot at its default place, or one for each of several hands;
+            None: that of `align`.
+        person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         limits: limits of the robot's joints; None: those of `joint_limits`.
         settings: settings of the retargeting.
         sideways, distance, height: least and largest shift of the base from the default place, to
@@ -145,16 +167,31 @@ def place_base(
     pairs: list[PairedArm] = []
     for each in given:
         limits = pairs[0].limits if pairs else limits
-        given_arm = [each], [as_model(robot)], [alignment], None, [limits], None, settings
-        pairs += paired_arms(*given_arm)
+        aligned = [alignment], [person_alignment]
+        given_arm = [each], [as_model(robot)], *aligned, [limits], None, settings
+        pairs += paired_arms(*given_arm)[:1]  # of a body that of the first hand
     if mirrored and (settings.mirror is not None or pairs[0].mapping.target.side is None):
         raise ValueError(
             "mirrored: the side of the alignment must be known, and settings.mirror be None"
         )
-    if len(pairs) > len(given):
-        raise ValueError("robot: must have one hand; load one of its arms")
+    if mirrored and len(pairs[0].hands) > 1:
+        raise ValueError("mirrored: for a robot with one hand")
     lower, upper = np.transpose(bounds)
-    return _BaseSearch(tuple(pairs), lower, upper, mirrored).best()
+    clearance = motion_clearance([as_model(robot)], settings)
+    return _BaseSearch(tuple(pairs), lower, upper, mirrored, clearance).best()
+
+
+def place_within_reach(
+    pair: PairedArm, clearance: Clearance | None
+) -> tuple[PairedArm, BasePlacement] | None:
+    """Return a pair at the place with the most poses within reach, within the default bounds of
+    `place_base`; None if no place has more of them than that of its alignment.
+    """
+    lower, upper = np.transpose([_SHIFTS, _SHIFTS, _SHIFTS, _TURNS])
+    found = _BaseSearch((pair,), lower, upper, False, clearance).best()
+    if found.reached <= found.reached_before:
+        return None
+    return _at(pair, found.alignments), found
 
 
 def _as_bounds(name: str, given: tuple[float, float]) -> Array:
@@ -188,6 +225,7 @@ class _BaseSearch:
     lower: Array
     upper: Array
     mirrored: bool
+    clearance: Clearance | None
 
     @property
     def robot(self) -> Model:
@@ -203,7 +241,7 @@ class _BaseSearch:
             tried.append(self.mounted(self._polished(each), each.mirrored))
         found = min(tried, key=_rank)
         return BasePlacement(
-            self.alignment(found.place, found.mirrored),
+            self.alignments(found.place, found.mirrored),
             found.place[:3],
             float(found.place[3]),
             found.mirrored,
@@ -211,41 +249,40 @@ class _BaseSearch:
             *(found.reached, before.reached, found.cost, before.cost),
         )
 
-    def alignment(self, place: Array, mirrored: bool) -> Alignment:
-        """Return the alignment with the robot at a place."""
-        default = self.pairs[0].mapping.target
-        base = np.asarray(default.base) @ _yawed(-place[3])
-        shoulder = np.asarray(default.shoulder) - base @ place[:3]
-        side = default.side
-        if mirrored:
-            side = "left" if side == "right" else "right"
-        return replace(default, base=base, shoulder=shoulder, side=side)
+    def alignments(self, place: Array, mirrored: bool) -> tuple[Alignment, ...]:
+        """Return the alignments of all hands with the robot at a place."""
+        default = [mapping.target for mapping in self.pairs[0].mappings]
+        up = np.asarray(default[0].base)
+        base = up @ _yawed(-place[3])
+        turn, centre = base @ up.T, _centre(default)
+        found = []
+        for each in default:
+            shoulder = centre + turn @ (np.asarray(each.shoulder) - centre) - base @ place[:3]
+            side = each.side
+            if mirrored:
+                side = "left" if side == "right" else "right"
+            own = turn @ np.asarray(each.base)
+            found.append(replace(each, base=own, shoulder=shoulder, side=side))
+        return tuple(found)
 
     def mounted(self, place: Array, mirrored: bool) -> _Mounted:
         """Return the mounting at a place, with the best configurations."""
-        arms = self._waypoints(self.alignment(place, mirrored))
+        arms = self._waypoints(self.alignments(place, mirrored))
         q, reached, cost = list[Array](), 0, 0.0
         for arm, weights in zip(arms, self._weights, strict=True):
             layers = first_candidates(arm)
-            found = find_start(arm, weights, layers, self._lacks)
-            reached += sum(layer.within_reach for layer in layers)
+            found = best_candidates(arm, weights, layers)
+            reached += sum(attained(arm, layers, self._lacks))
             cost += found.cost
             q.append(found.q)
         return _Mounted(place, mirrored, arms, tuple(q), reached, cost)
 
-    def _waypoints(self, alignment: Alignment) -> tuple[ArmWaypoints, ...]:
-        found = []
-        for pair in self.pairs:
-            mapping = _mapped(pair, alignment)
-            poses = mapping(pair.analysis.motion.q)
-            found.append(
-                arm_waypoints(replace(pair, mappings=(mapping,), target_poses=poses), _TOLERANCE)
-            )
-        return tuple(found)
+    def _waypoints(self, alignments: Sequence[Alignment]) -> tuple[ArmWaypoints, ...]:
+        return tuple(arm_waypoints(_at(pair, alignments), _TOLERANCE) for pair in self.pairs)
 
     @cached_property
     def _default(self) -> tuple[ArmWaypoints, ...]:
-        return self._waypoints(self.pairs[0].mapping.target)
+        return self._waypoints(self.alignments(np.zeros(4), False))
 
     @cached_property
     def _weights(self) -> tuple[ObjectiveWeights, ...]:
@@ -255,8 +292,7 @@ class _BaseSearch:
 
     @cached_property
     def _lacks(self) -> Lacks | None:
-        clearance = motion_clearance([self.robot], self.pairs[0].settings)
-        return own_lacks(clearance, self._default[:1], 0)
+        return own_lacks(self.clearance, self._default[:1], 0)
 
     def _most_within_reach(self) -> list[tuple[Array, bool]]:
         """Return the places with the most poses within reach, of many that cover the bounds."""
@@ -265,32 +301,56 @@ class _BaseSearch:
         points = np.mod(0.5 + np.arange(1.0, _TRIED + 1.0)[:, None] * steps, 1.0)
         places = np.clip(_rounded(self.lower + width * points), self.lower, self.upper)
         tried = [(each, side) for side in (False, True)[: 1 + self.mirrored] for each in places]
-        free = self.pairs[0].settings.orientation_weight == 0.0
-
-        def nearest(rotations: Array, positions: Array, starts: Array, steps: int) -> NearestPoses:
-            turned = None if free else rotations
-            return nearest_of_each(self.robot, turned, positions, starts, steps)
-
-        rotations, positions = self._key_poses(np.zeros(4), False)
-        random = random_starts(self.robot, len(positions))
-        found = nearest(rotations[None], positions[None], random, 2 * _STEPS)
-        # Those farthest from reach decide, and next to them those farthest from the shoulder.
-        away = np.linalg.norm(positions - np.asarray(self.pairs[0].mapping.target.shoulder), axis=1)
-        missed = np.where(found.within_reach, 0.0, found.distances + found.angles)[0]
-        some = np.lexsort((-away, -missed))[:_MOST_POSES]
-        starts = np.concatenate([found.q[0, some, None], random[some, : _STARTS - 1]], axis=1)
-        poses = zip(*(self._key_poses(*each) for each in tried), strict=True)
-        rotations, positions = (np.stack(each)[:, some] for each in poses)
-        found = nearest(rotations, positions, starts, _STEPS)
-        missed = np.minimum(found.distances + found.angles, 1.0).sum(axis=1).round(3)
-        order = np.lexsort((missed, -found.within_reach.sum(axis=1)))
+        random = random_starts(self.robot, sum(len(pair.key_samples) for pair in self.pairs))
+        every = np.arange(len(random))
+        q, missed = self._nearest([(np.zeros(4), False)], every, random, 2 * _STEPS)
+        # Those farthest from reach decide.
+        some = np.argsort(-np.where(missed[0] <= _WITHIN, 0.0, missed[0]), kind="stable")
+        some = some[:_MOST_POSES]
+        starts = np.concatenate([q[0, some, None], random[some, : _STARTS - 1]], axis=1)
+        q, missed = self._nearest(tried, some, starts, _STEPS)
+        reached, held = missed <= _WITHIN, np.zeros(missed.shape, dtype=bool)
+        for which in zip(*np.nonzero(reached), strict=True):
+            held[which] = can_hold(self._default[0], self._lacks, q[which])
+        away = np.minimum(missed, 1.0).sum(axis=1).round(3)
+        order = np.lexsort((away, -held.sum(axis=1), -reached.sum(axis=1)))
         return [tried[number] for number in order[:_CHOSEN]]
 
-    def _key_poses(self, place: Array, mirrored: bool) -> tuple[Array, Array]:
-        """Return the hand's poses at the ends of the synergies (k, ...), of all recordings."""
-        alignment = self.alignment(place, mirrored)
+    def _nearest(
+        self,
+        places: Sequence[tuple[Array, bool]],
+        some: NDArray[np.int64],
+        starts: Array,
+        steps: int,
+    ) -> tuple[Array, Array]:
+        """Return configurations (c, k, n) nearest to some poses at c places, and what they miss.
+
+        That is the sum of distance and angle (c, k) over the hands, each of which is sought by
+        itself, with a waist that is upright.
+        """
+        robot, turning = self.robot, self.pairs[0].settings.orientation_weight > 0.0
+        still = dict(zip(robot.joint_names, upright(robot).tolist(), strict=True))
+        waist = {name: still[name] for name in robot.shared_joints}
+        robot = robot.with_limits(waist, waist)
+        q = np.tile(upright(robot), (len(places), len(some), 1))
+        missed = np.zeros(q.shape[:2])
+        for number, hand in enumerate(self.pairs[0].hands):
+            poses = zip(*(self._key_poses(number, *each) for each in places), strict=True)
+            rotations, positions = (np.stack(each)[:, some] for each in poses)
+            turned = rotations if turning else None
+            arm = robot.with_hand(hand)
+            found = nearest_of_each(arm, turned, positions, starts, steps)
+            chain = [str(robot.pin.names[each]) for each in robot.pin.supports[arm.joint_of(hand)]]
+            own = [column for column, name in enumerate(robot.joint_names) if name in chain]
+            q[..., own] = found.q[..., own]
+            missed += found.distances + found.angles
+        return q, missed
+
+    def _key_poses(self, hand: int, place: Array, mirrored: bool) -> tuple[Array, Array]:
+        """Return a hand's poses at the ends of the synergies (k, ...), of all recordings."""
+        alignments = self.alignments(place, mirrored)
         found = [
-            _mapped(pair, alignment)(pair.analysis.motion.q[pair.key_samples])
+            _mappings(pair, alignments)[hand](pair.analysis.motion.q[pair.key_samples])
             for pair in self.pairs
         ]
         rotations, positions = map(np.concatenate, zip(*found, strict=True))
@@ -299,29 +359,32 @@ class _BaseSearch:
     def _polished(self, start: _Mounted) -> Array:
         """Return the place improved by a program in place and configurations."""
         n, first = self.robot.dof, 4
-        default = self._waypoints(self.alignment(np.zeros(4), start.mirrored))
-        alignment = default[0].alignment
-        shoulder, base = np.asarray(alignment.shoulder), np.asarray(alignment.base)
+        aligned = self.alignments(np.zeros(4), start.mirrored)
+        default = self._waypoints(aligned)
+        centre, base = _centre(aligned), np.asarray(aligned[0].base)
         places, values, steps, lines = [], [], [], []
         for arm, weights in zip(default, self._weights, strict=True):
             rows = first + np.arange((arm.count + 1) * n).reshape(-1, n)
             first += rows.size
             for number, (row, pose) in enumerate(zip(rows, arm.poses, strict=True)):
-                rotation = np.eye(3) if pose.rotation is None else pose.rotation
-                offset = np.zeros(3) if arm.offsets is None else arm.offsets[number]
+                offset = np.zeros(3) if arm.offsets is None else arm.offsets[number][:3]
                 likeness = 0.0 if arm.offsets is None else weights.likeness / (arm.count + 1)
                 posture = weights.posture / (arm.count + 1)
-                parts = (shoulder, base.T, pose.position - shoulder, rotation.T, offset)
-                values.append(np.hstack([*map(np.ravel, parts), likeness, posture]))
+                parts = (pose.numbers, centre, base.ravel(order="F"), offset)
+                values.append(np.hstack([*parts, likeness, posture, 1.0 / (arm.count + 1)]))
                 places.append([0, 1, 2, 3, *row])
             for number, duration in enumerate(arm.durations):
                 late = duration * weights.stretch / weights.duration
                 steps.append([*rows[number], *rows[number + 1]])
                 speed = arm.speed[number] * duration
                 lines.append([1.0 / (duration * weights.action), late, *(1.0 / speed)])
-        arm = default[0]
+        arm, torque = default[0], tuple(self.pairs[0].limits.torque.tolist())
         blocks = [
-            Block(_pose_terms(arm.arm, alignment, arm.rows), np.array(places), np.array(values)),
+            Block(
+                _pose_terms(arm.arm, arm.hands, aligned[0], arm.rows, torque),
+                np.array(places),
+                np.array(values),
+            ),
             Block(_line_terms(arm.arm), np.array(steps), np.array(lines)),
         ]
         repeated = (first - 4) // n
@@ -332,9 +395,23 @@ class _BaseSearch:
         return np.clip(_rounded(found.x[:4]), self.lower, self.upper)
 
 
-def _mapped(pair: PairedArm, alignment: Alignment) -> PoseMapping:
-    """Return the mapping with another alignment of the robot."""
-    return PoseMapping.between(pair.mapping.model, pair.mapping.source, alignment, pair.settings)
+def _centre(alignments: Sequence[Alignment]) -> Array:
+    """Return the middle of the shoulders (3,) [m], about whose vertical the base is turned."""
+    return np.asarray(np.mean([np.asarray(each.shoulder) for each in alignments], axis=0))
+
+
+def _mappings(pair: PairedArm, alignments: Sequence[Alignment]) -> tuple[PoseMapping, ...]:
+    """Return the mappings with other alignments of the robot's hands, and the same scale."""
+    return tuple(
+        replace(PoseMapping.between(old.model, old.source, new, pair.settings), scale=old.scale)
+        for old, new in zip(pair.mappings, alignments, strict=True)
+    )
+
+
+def _at(pair: PairedArm, alignments: Sequence[Alignment]) -> PairedArm:
+    """Return the pair with other alignments of the robot's hands."""
+    moved = replace(pair, mappings=_mappings(pair, alignments))
+    return replace(moved, target_poses=moved.mapping(pair.analysis.motion.q))
 
 
 _IPOPT = {"tol": 1e-4, "max_iter": 60}
@@ -357,23 +434,33 @@ def _yawed(angle: float | ca.SX) -> ca.SX | Array:
 
 
 @lru_cache(maxsize=16)
-def _pose_terms(robot: Model, alignment: Alignment, rows: tuple[int, ...]) -> Terms:
-    """Return pose errors and posture in place and configuration; p as in `_polished`."""
-    place, q, p = ca.SX.sym("place", 4), ca.SX.sym("q", robot.dof), ca.SX.sym("p", 29)
-    shoulder, base, reach, rotation, offset, weights = ca.vertsplit(p, [0, 3, 12, 15, 24, 27, 29])
+def _pose_terms(
+    robot: Model,
+    hands: tuple[str, ...],
+    alignment: Alignment,
+    rows: tuple[int, ...],
+    torque: tuple[float, ...],
+) -> Terms:
+    """Return pose errors, posture and weak joints in place and configuration, and of a single arm
+    the elbow's error; p as in `_polished`.
+    """
+    count = len(hands)
+    edges = np.cumsum([0, 3 * count, 9 * count, 3, 9, 3, 3]).tolist()
+    place, q, p = ca.SX.sym("place", 4), ca.SX.sym("q", robot.dof), ca.SX.sym("p", edges[-1])
+    positions, rotations, centre, base, offset, weights = ca.vertsplit(p, edges)
     base = ca.reshape(base, 3, 3)
     turned = base @ _yawed(-place[3])
-    turn = turned @ base.T
-    shoulder = shoulder - turned @ place[:3]
-    hand_rotation, hand_position = robot.hand_pose(q)
-    target = turn @ ca.reshape(rotation, 3, 3)
-    error = ca.vertcat(
-        hand_position - shoulder - turn @ reach, rotation_log(target.T @ hand_rotation)
-    )[list(rows)]
+    turn, moved = turned @ base.T, centre - turned @ place[:3]
+    position = ca.vertcat(*(moved + turn @ (x - centre) for x in ca.vertsplit(positions, 3)))
+    rotation = ca.vertcat(
+        *(turn @ each for each in ca.vertsplit(ca.reshape(rotations, 3 * count, 3), 3))
+    )
+    error = stacked_error(robot, hands, q, position, rotation, ca.SX.eye(3))[list(rows)]
     middle, half = middle_of_ranges(robot)
     cost = _EXACT * ca.sumsqr(error) / 2.0 + weights[1] * ca.sumsqr((q - middle) / half) / robot.dof
-    if has_elbow(robot, alignment):
-        own = elbow_offset(robot, alignment, q, shoulder)
+    cost += weights[2] * weakness(robot, q, torque, gravity_on(alignment))
+    if count == 1 and has_elbow(robot, alignment):
+        own = elbow_offset(robot, alignment, q, moved)
         cost += weights[0] * ca.sumsqr(own - turn @ offset)
     return Terms(ca.vertcat(place, q), p, cost)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,14 +15,12 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.limits import JointLimits, checked_limits, joint_limits
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
-from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.retargeting.arm_alignment import Alignment, align, check_joints
+from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.arm_result import (
     PoseErrors,
     RetargetedArm,
@@ -32,14 +30,17 @@ from geodesic_ocp.retargeting.arm_result import (
 )
 from geodesic_ocp.retargeting.candidates import (
     Candidates,
+    attained,
     find_start,
     first_candidates,
     graph_weights,
+    own_lacks,
 )
 from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
-from geodesic_ocp.retargeting.merge_synergies import merge_synergies
-from geodesic_ocp.retargeting.paired_arm import PairedArm, PoseMapping, start_of
-from geodesic_ocp.retargeting.reachability import reachability, scaled_to_fit
+from geodesic_ocp.retargeting.paired_arm import PairedArm
+from geodesic_ocp.retargeting.pairing import paired_arms
+from geodesic_ocp.retargeting.place_base import BasePlacement, place_within_reach
+from geodesic_ocp.retargeting.reachability import reachability
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
     BEYOND,
@@ -95,7 +96,10 @@ def retarget(
         analysis: analysis of the person's motion (`analyse`).
         robot: the arm, or a body with several hands.
         alignment: alignment of the robot's shoulder and hand with the person's, or one for each of
-            several hands; None: that of the known robot (`go.retargeting.align`).
+            several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
+            out of reach, or links too near or joints too weak at them, the base of one robot is
+            moved to where most are attained (`place_base`), unless a start, obstacles or a problem
+            of one's own are given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -110,8 +114,9 @@ def retarget(
         progress: called with the current step, the amount done and the total.
 
     Warns:
-        UserWarning: before anything is solved, poses that are out of reach by more than the
-            tolerance, with the distances of the nearest ones found; afterwards poses that are
+        UserWarning: before anything is solved, a base that is moved, and poses that are out of
+            reach by more than the tolerance, with the distances of the nearest ones found;
+            afterwards poses that are
             missed by more than the tolerance, detours of the hand, links that come too near, and
             synergies that take three times the person's time, with the place in the recording.
 
@@ -180,11 +185,18 @@ def retarget_arms(
     pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     paths: PlannedPaths | None = None
+    placement: BasePlacement | None = None
     bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first of each
     if settings.constrained:
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
         grasps = [_grasps(pair, tolerance) for pair in bodies]
+        movable = len(bodies) == 1 and problem is SynergyPaths and not settings.obstacles
+        movable &= all(each is None for given in (alignments, starts) for each in given or ())
+        if movable and (moved := _within_reach(grasps[0][0], clearance, report)):
+            placed, placement = moved
+            pairs, grasps = list(placed.of_hands), [_grasps(placed, tolerance)]
+            bodies = pairs[:1]
         found: list[tuple[PlannedPaths, list[_Grasp]]] = []
         for number in range(max(map(len, grasps))):  # that of the person, and turned
             chosen = [each[min(number, len(each) - 1)] for each in grasps]
@@ -211,7 +223,7 @@ def retarget_arms(
     planned = _in_time(bodies, of_bodies, paths, clearance, throw, report)
     retargeted = list[RetargetedArm]()
     for each in zip(pairs, transfers, far, strict=True):
-        arm, first = RetargetedArm.retargeted(*each, planned, rate), retargeted[-1:]
+        arm, first = RetargetedArm.retargeted(*each, planned, rate, placement), retargeted[-1:]
         same = [other.first or other for other in first if other.body == arm.body]
         retargeted.append(replace(arm, first=same[0]) if same else arm)
     report("done", len(pairs), len(pairs))
@@ -219,85 +231,6 @@ def retarget_arms(
     result = Retargeting(tuple(retargeted), planned, paths, clearance, rate, settings, seconds)
     warn_of_detours(result)
     return result
-
-
-def paired_arms(
-    analyses: Any,
-    robots: Any,
-    alignments: Any,
-    person_alignments: Any,
-    limits: Any,
-    starts: Any,
-    settings: RetargetingSettings,
-) -> list[PairedArm]:
-    """Return persons' arms and robots, from the arguments of `retarget_arms`; one for each hand."""
-    analyses = _checked_list("analyses", analyses, Analysis)
-    robots = _checked_list("robots", robots, Model)
-    if len(analyses) != len(robots):
-        raise ValueError(f"there are {len(analyses)} analyses for {len(robots)} robots")
-    if not all(np.array_equal(each.motion.time, analyses[0].motion.time) for each in analyses):
-        raise ValueError("analyses: all arms must be of one recording, sample by sample")
-    if not isinstance(settings, RetargetingSettings):
-        raise ValueError(f"settings must be RetargetingSettings, got {settings!r}")
-    people = [analysis.model for analysis in analyses]
-    hands = [_hands_of(*each) for each in zip(people, robots, strict=True)]
-    targets = _alignments("alignments", alignments, robots, [each for _, each in hands])
-    sources = _alignments("person_alignments", person_alignments, people, [h for h, _ in hands])
-    given = (_one_each(*each, len(robots)) for each in (("limits", limits), ("starts", starts)))
-    pairs = list[PairedArm]()
-    for body, (analysis, robot, source, target, limit, start) in enumerate(
-        zip(analyses, robots, sources, targets, *given, strict=True)
-    ):
-        heavier = _heavier(robot) if settings.rotor_inertia else robot
-        matched = _matched(source, target, settings.mirror)
-        mappings = tuple(
-            PoseMapping.between(analysis.model.with_hand(hand), person, own, settings)
-            for hand, person, own in zip(*matched, target.values(), strict=True)
-        )
-        bound, poses = _limits(heavier, limit, settings), mappings[0](analysis.motion.q)
-        groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
-        begin = None if start is None else start_of(heavier, start, settings)
-        pair = PairedArm(analysis, heavier, mappings, bound, settings, groups, begin, poses, body)
-        pairs += pair.of_hands
-    pairs = scaled_to_fit(pairs) if settings.scale == "fit" else pairs
-    return [pair.without_drifts() for pair in pairs]
-
-
-def _hands_of(person: Model, robot: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the hands of a person and of a robot that correspond: one each, or all.
-
-    Raises:
-        ValueError: a robot with several hands, and a person with another number.
-    """
-    if len(robot.hands) == 1:
-        return (person.hand,), (robot.hand,)
-    if len(person.hands) != len(robot.hands):
-        raise ValueError(
-            f"{robot.name!r} has the hands {', '.join(robot.hands)}, and {person.name!r} "
-            f"{', '.join(person.hands)}: analyse as many, or load the robot with one hand"
-        )
-    return person.hands, robot.hands
-
-
-def _matched(
-    sources: Mapping[str, Alignment], targets: Mapping[str, Alignment], mirror: bool | None
-) -> tuple[list[str], list[Alignment]]:
-    """Return the person's hand for each of the robot's, that of the same side, and its alignment;
-    in the order of the hands where sides are not known.
-    """
-    by_side = {each.side: hand for hand, each in sources.items()}
-    other: dict[Side | None, Side] = {"right": "left", "left": "right"}
-    sides = [other.get(each.side) if mirror else each.side for each in targets.values()]
-    hands = list(sources)
-    if len(hands) > 1 and set(sides) == set(by_side) == set(other):
-        hands = [by_side[side] for side in sides]
-    return hands, [sources[hand] for hand in hands]
-
-
-@lru_cache(maxsize=16)
-def _heavier(robot: Model) -> Model:
-    """Return the same model each time, so that what is compiled for it is found again."""
-    return with_rotor_inertia(robot)
 
 
 _Grasp: TypeAlias = tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]
@@ -323,20 +256,36 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
     return found if costs[1] < _WORTH * costs[0] else found[:1]
 
 
+def _within_reach(
+    grasp: _Grasp, clearance: Clearance | None, report: Progress
+) -> tuple[PairedArm, BasePlacement] | None:
+    """Return the arm with its base moved to where more poses are within reach; None if all are, or
+    if no place is better.
+
+    Warns:
+        UserWarning: the base is moved.
+    """
+    pair, waypoints, layers = grasp
+    if pair.settings.position_weight == 0.0 or all(
+        attained(waypoints, layers, own_lacks(clearance, (waypoints,), 0))
+    ):
+        return None
+    report("placing the base", 0, 1)
+    found = place_within_reach(pair, clearance)
+    if found is not None:
+        warnings.warn(
+            f"{pair.name} is moved, as it does not attain all poses: {found[1]}. To keep it where "
+            "its alignment has it, pass that alignment (--mount fixed)",
+            UserWarning,
+            4,
+        )
+    return found
+
+
 def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:
     """Return whether paths failed, how many poses they miss, and their action."""
     missed = sum(not each for of_arm in paths.within_reach for each in of_arm)
     return not paths.success, missed, paths.action
-
-
-def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
-    """Return the given limits, those of the robot, or none at all."""
-    if given is not None:
-        checked_limits(robot, given)
-    if not settings.speed_limits:
-        none = np.full(robot.dof, np.inf)
-        return JointLimits(none, none, none, none, {"velocity": "left out"})
-    return joint_limits(robot) if given is None else given
 
 
 def _in_time(
@@ -398,44 +347,6 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
     torque = np.where(needed > limit, np.inf, torque)
     limits = replace(pair.limits, torque=torque)
     return ArmPaths(robot, limits, pair.edges, paths, pair.gravity, pair.progress)
-
-
-def _checked_list(name: str, given: Any, kind: type) -> list[Any]:
-    is_list = isinstance(given, (list, tuple)) and len(given)
-    if not is_list or not all(isinstance(each, kind) for each in given):
-        raise ValueError(f"{name} must be a list of {kind.__name__}, got {given!r}")
-    return list(given)
-
-
-def _one_each(name: str, given: Any, count: int) -> list[Any]:
-    if given is None:
-        return [None] * count
-    if not isinstance(given, (list, tuple, np.ndarray)) or len(given) != count:
-        raise ValueError(f"{name} must be a list, one for each of {count} robots, got {given!r}")
-    return list(given)
-
-
-def _alignments(
-    name: str, given: Any, models: Sequence[Model], hands: Sequence[Sequence[str]]
-) -> list[dict[str, Alignment]]:
-    """Return for each model the alignments of its hands, by default its own."""
-    found = []
-    for model, own, each in zip(models, hands, _one_each(name, given, len(models)), strict=True):
-        several = each if isinstance(each, (list, tuple)) else [each]
-        several = [None] * len(own) if each is None else several
-        if len(several) != len(own):
-            raise ValueError(
-                f"{name} must be of Alignment, one for each of the hands {', '.join(own)} of "
-                f"{model.name!r}, got {each!r}"
-            )
-        aligned = {}
-        for hand, one in zip(own, several, strict=True):
-            if one is not None and not isinstance(one, Alignment):
-                raise ValueError(f"{name} must be of Alignment, got {one!r}")
-            aligned[hand] = align(model.with_hand(hand)) if one is None else one
-            check_joints(aligned[hand], model)
-        found.append(aligned)
-    return found
 
 
 def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -62,6 +62,17 @@ class ObjectiveWeights:
 _SHARE, _WEAK = 0.8, 300.0
 
 
+def weakness(arm: Model, q: ca.SX, torque: Sequence[float], gravity: Array) -> ca.SX:
+    """Return the cost of joints that holding the arm takes much of their limits on torque (n,)."""
+    cost = ca.SX(0.0)
+    if limited := np.flatnonzero(np.isfinite(torque)).tolist():
+        still = ca.SX.zeros(arm.dof)
+        held = arm.inverse_dynamics(q, still, still, gravity)
+        for joint in limited:
+            cost += _WEAK * ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - _SHARE) ** 2
+    return cost
+
+
 @lru_cache(maxsize=32)
 def _waypoint_terms(
     arm: Model,
@@ -88,11 +99,7 @@ def _waypoint_terms(
     if arm.shared_joints:
         beside = ca.reshape(turn, 3, 3).T @ waist_turn(arm, q)
         cost += weights[2] * ca.sumsqr(rotation_log(beside))
-    if limited := np.flatnonzero(np.isfinite(torque)).tolist():
-        still = ca.SX.zeros(arm.dof)
-        held = arm.inverse_dynamics(q, still, still, gravity_on(alignments[0]))
-        for joint in limited:
-            cost += _WEAK * ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - _SHARE) ** 2
+    cost += weakness(arm, q, torque, gravity_on(alignments[0]))
     # Of poses that may be missed, distance and angle are bounded, by their squares.
     squares = [ca.sumsqr(each) for each in ca.vertsplit(error, 3)]
     return Terms(q, p, cost, ca.vertcat(error[list(rows)], *squares))
