@@ -112,14 +112,14 @@ def test_cuts_are_where_the_velocity_has_turned_from_the_transported_one() -> No
     times = np.linspace(0.0, 4.0, 201)
     turning = np.cos(0.8) * times
     directions, state = np.column_stack([np.cos(turning), np.sin(turning)]), np.zeros(201, np.uint8)
-    cuts = _Observed(times, directions, state).cuts(0.5, 0.0, 0.0)
+    cuts = _Observed(times, directions, np.ones(201), state).cuts(0.5, 0.0, 0.0)
     # From the first instant after the cut.
     every = 0.5 / np.cos(0.8)
     assert np.diff(cuts)[0] == pytest.approx(every, abs=1e-4)
     assert np.all((np.diff(cuts)[1:-1] >= every - 1e-4) & (np.diff(cuts)[1:-1] <= every + 0.02))
     state[80:100] = 2  # a long rest is a segment
     state[120] = 1  # no velocity to compare with
-    cuts = _Observed(times, directions, state).cuts(3.0, 0.0, 0.0)
+    cuts = _Observed(times, directions, np.ones(201), state).cuts(3.0, 0.0, 0.0)
     assert cuts == [0.0, times[80], times[100], 4.0]
 
 

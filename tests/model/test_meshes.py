@@ -15,6 +15,8 @@ from installed_robots import known_robot
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.model.link_geometry import triangles_of
+from geodesic_ocp.model.link_solids import link_solids
 from geodesic_ocp.model.look import Mesh, simplified
 from geodesic_ocp.model.meshes import MAX_TRIANGLES, meshes
 
@@ -149,6 +151,11 @@ def test_parts_of_a_collada_file_have_the_colours_of_their_materials(tmp_path: P
     painted = drawn("three", f'<mesh filename="{tmp_path / "two.dae"}"/>', material=WHITE)
     parts = [m for m in meshes(go.load_model(painted, hand="grip")) if m.link == "three"]
     assert {mesh.colour for mesh in parts} == {(1.0, 1.0, 1.0)}  # the URDF comes first
+    solid = drawn("three", f'<mesh filename="{tmp_path / "two.dae"}"/>', tag="collision")
+    solids = {each.link: each for each in link_solids(go.load_model(solid, hand="grip"))}
+    ((shape, _),) = solids["three"].shapes  # distances see both parts
+    heights = {round(float(shape.vertices()[k][2]), 6) for k in np.unique(triangles_of(shape))}
+    assert heights == {0.0, 1.0}
 
 
 def test_unreadable_visual_geometry_is_replaced_by_capsules() -> None:

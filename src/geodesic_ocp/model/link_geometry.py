@@ -17,6 +17,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, real_array
+from geodesic_ocp.model.collada import collada_parts
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
 _COINCIDE = 1e-12  # [m]
@@ -166,7 +167,7 @@ class LinkGeometry:
                     f"{self.name}: the collision geometry of {link!r} is a {kind}, which "
                     "cannot be enclosed in a capsule; use Model.with_bodies"
                 )
-        return [(each.geometry, at_link, link) for each, at_link, link in found]
+        return [(_with_all_parts(each), at_link, link) for each, at_link, link in found]
 
     def visual(self) -> Iterator[tuple[pin.GeometryObject, pin.SE3, str]]:
         """Yield visual geometry, each with its placement in the frame of a link, and the link.
@@ -268,6 +269,23 @@ def triangles_of(shape: Any) -> NDArray[np.int64] | None:
     corners = (shape.tri_indices(index) for index in range(shape.num_tris))
     listed = [(each[0], each[1], each[2]) for each in corners]
     return np.array(listed, dtype=np.int64).reshape(-1, 3)
+
+
+def _with_all_parts(given: pin.GeometryObject) -> Any:
+    """Return the shape of a geometry, a mesh of several materials with the right triangles."""
+    triangles, points = triangles_of(given.geometry), points_of(given.geometry)
+    if triangles is None or points is None:
+        return given.geometry
+    parts = collada_parts(given.meshPath, triangles, len(points))
+    if len(parts) < 2 or np.array_equal(right := np.concatenate([p for p, _ in parts]), triangles):
+        return given.geometry
+    mesh = pin.coal.BVHModelOBBRSS()
+    mesh.beginModel(len(right), len(points))
+    mesh.addVertices(points)
+    mesh.addTriangles(right)
+    mesh.endModel()
+    mesh.computeLocalAABB()
+    return mesh
 
 
 def _cube(values: tuple[float, ...]) -> Array:
