@@ -127,6 +127,8 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
             arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))
         ),
         go.recordings.FitNoise(np.zeros((9, 7, 40))),
+        go.recordings.Column("elbow flexion", -1, "deg", 90.0),
+        go.fitting.Heterogeneity("armature", 2, 9.0, 0.1, 0.9, ("a", 0.01), ("b", 0.04)),
         go.trajectory.Outlier("spike", "RSx_joint", 0.2, 0.2, 1.0),
         go.synergies.Uncertainty(
             2, np.ones(3), np.ones(1), np.full(99, 2), *np.ones((3, 1)), np.ones((99, 3))

@@ -192,9 +192,9 @@ def test_joint_inertia_from_noisy_cubics(arm: go.Model, true_metric: go.Metric) 
     rng = np.random.default_rng(3)
     data = [
         synthetic_recording(
-            true_metric, arm, rng, count=5, noise=0.003, name=f"r{k}", curve="cubic"
+            true_metric, arm, rng, count=4, noise=0.003, name=f"r{k}", curve="cubic"
         )
-        for k in range(2)
+        for k in range(3)
     ]
     fit = fitted(*data, curve="cubic", free_ends=True)
     (estimate,) = fit.estimates
