@@ -50,8 +50,9 @@ def segment_developed(
     >>> import numpy as np, geodesic_ocp as go
     >>> time = np.arange(200) / 100.0
     >>> corner = go.Motion(time, np.column_stack([time, np.maximum(time - 1.0, 0.0)]), ("x", "y"))
-    >>> go.synergies.segment_developed(go.Euclidean(2), corner.filtered(cutoff=6.0))
-    [(0, 100), (100, 199)]
+    >>> found = go.synergies.segment_developed(go.Euclidean(2), corner.filtered(cutoff=6.0))
+    >>> [round(float(time[stop]), 1) for _, stop in found]  # [s]
+    [1.0, 2.0]
 
     Args:
         metric: metric whose geodesics are meant, of the motion's dimension.
