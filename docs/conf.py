@@ -34,6 +34,7 @@ extensions = [
     "mathml",
     "myst_nb",
     "public_names",
+    "names_table",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",

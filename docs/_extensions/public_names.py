@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 import sys
 from types import ModuleType
-from typing import Any
-
-from docutils import nodes
-from docutils.statemachine import StringList
-from sphinx.application import Sphinx
-from sphinx.ext.autosummary import Autosummary
+from typing import TYPE_CHECKING, Any
 
 import geodesic_ocp as go
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 
 def public_names() -> dict[str, object]:
@@ -60,25 +58,6 @@ def _back_links(
         context["body"] = _BACK.sub(corrected, context["body"])
 
 
-class PublicNames(Autosummary):
-    """The directive `public-names`: one table of all of them, with the first line of each."""
-
-    def run(self) -> list[nodes.Node]:
-        """The table."""
-        self.content = StringList(sorted(public_names(), key=str.lower), source="public names")
-        self.options["nosignatures"] = None
-        return super().run()
-
-
-def _once(app: Sphinx) -> list[Any]:
-    """Let the search find the page of a name by its title alone, not the name on it as well."""
-    objects = app.env.domains.python_domain.objects
-    for name in public_names():
-        full = f"geodesic_ocp.{name}"
-        objects[full] = objects[full]._replace(aliased=True)
-    return []  # no more pages
-
-
 def setup(app: Sphinx) -> dict[str, bool]:
     """Show public bases."""
     app.setup_extension("sphinx.ext.autodoc")
@@ -86,6 +65,4 @@ def setup(app: Sphinx) -> dict[str, bool]:
         sys.modules[f"geodesic_ocp.{name}"] = getattr(go, name)
     app.connect("autodoc-process-bases", _public_bases)
     app.connect("html-page-context", _back_links)
-    app.connect("html-collect-pages", _once)  # links are resolved, the search is not indexed
-    app.add_directive("public-names", PublicNames)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
