@@ -340,7 +340,7 @@ def describe_failure(solution: Solution) -> str:
     """Return why there is no solution, which conditions are violated, and what to try."""
     stats = solution.stats
     large = [each for each in solution.violations if each.amount > NEGLIGIBLE][:_LISTED]
-    violated = f": {'; '.join(map(str, large))}" if large else ""
+    violated = f": {'; '.join(map(str, large))}" if large else ", with no condition violated"
     advice = (
         ". Are its conditions compatible? If so, try another guess (guess(s) or solve(..., "
         "guess=path)) or a finer grid"
