@@ -92,7 +92,11 @@ def _distances(metric: Metric, points: Array, given: dict[str, Any], progress: P
                 at, rest = int(pair[1]), str(failure)[pair.end() :]
                 failure.args = (f"points {row[at]} and {column[at]}: {rest}",)
             raise
-        failures += [str(each.message) for each in caught]
+        for each in caught:  # others than of rows that are not found are passed on
+            if (text := str(each.message)).startswith("log: "):
+                failures.append(text)
+            else:
+                warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
         result[row, column] = result[column, row] = lengths
         progress("distances", min(first + _AT_ONCE, rows.size), rows.size)
     if (unknown := np.isnan(result[rows, columns])).any():
