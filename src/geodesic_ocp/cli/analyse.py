@@ -41,7 +41,6 @@ from geodesic_ocp.studies.compare_metrics import MetricComparison, compare_metri
 from geodesic_ocp.studies.result_files import RecordingOutcome, mean_errors
 from geodesic_ocp.studies.study_tables import PARQUET_HINT, has_parquet
 from geodesic_ocp.synergies.analyse import Analysis
-from geodesic_ocp.synergies.uncertainty import Uncertainty
 from geodesic_ocp.tables import markdown, text
 
 _SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most
@@ -67,7 +66,7 @@ def analyse(
         side: the arm.
         curve: also compare metrics at equal numbers of synergies, each with its best cuts.
         out: folder for tables, figures and synergies.
-        settings: file (.toml, .json) of any of these options, such as threshold = 0.5.
+        settings: file (.toml, .json) of any of these options, such as deviation = 0.05.
     """
     del settings
     check_folder(out)
@@ -77,8 +76,7 @@ def analyse(
     for each in each_side(side):
         folder = out / each if out is not None and side == "both" else out
         found = analyse_file(recording, each, analysis, folder)
-        spread = found.uncertainty() if analysis.uncertainty else None
-        save_analysis(found, folder, with_curve=curve, effort=analysis.effort, uncertainty=spread)
+        save_analysis(found, folder, analysis, with_curve=curve)
         if side == "both":
             print()
     named = f"{shlex.quote(str(recording))} --side {side}"
@@ -121,27 +119,25 @@ def analyse_file(
 def save_analysis(
     analysis: Analysis,
     folder: Path | None,
+    settings: AnalysisSettings,
     *,
     with_curve: bool = False,
-    effort: bool = False,
-    uncertainty: Uncertainty | None = None,
 ) -> None:
     """Write the analysis to a folder, if one is given, and print the names of the files.
 
     Args:
         analysis: the analysis.
         folder: folder for the files.
+        settings: those of the analysis.
         with_curve: also compute the curve of the error against the number of synergies.
-        effort: also write the errors of motions of least effort.
-        uncertainty: of the cuts, which is written, and marked in the figure.
     """
-    comparison = _error_curve(analysis) if with_curve else None
+    comparison = _error_curve(analysis, settings) if with_curve else None
     if folder is not None:
         written = analysis.save(
             folder,
             curve=comparison.draw if comparison else None,
-            effort=effort,
-            uncertainty=uncertainty,
+            effort=settings.effort,
+            uncertainty=analysis.uncertainty() if settings.uncertainty else None,
         )
         if comparison is not None:
             written += comparison.save(folder / "curve")
@@ -241,11 +237,10 @@ def _summarize(
         print(f"Outliers: {'; '.join(map(str, motion.outliers))}.")
     if range_of_motion(motion) < PASSIVE:
         print(f"Note: {PASSIVE_REASON}; is the other arm meant (--side)?")
-    print(f"Metric: {analysis.metric_name}.")
-    rule = "" if analysis.threshold is None else f" at a threshold of {analysis.threshold:g} rad"
+    print(f"Metric: {analysis.metric_name}. Cuts: {analysis.cuts}.")
     errors = analysis.errors["riemannian"]
     print(
-        f"{len(analysis.synergies)} geodesic synergies{rule} explain the joints to "
+        f"{len(analysis.synergies)} geodesic synergies explain the joints to "
         f"{errors.joint:.3f} rad and the hand to {1000 * errors.position:.0f} mm on average "
         f"(found in {seconds:.1f} s)"
     )
@@ -258,13 +253,15 @@ def _summarize(
         print(f"\nmean errors against the unfiltered recording\n\n{text(table)}")
 
 
-def _error_curve(analysis: Analysis) -> MetricComparison:
+def _error_curve(analysis: Analysis, settings: AnalysisSettings) -> MetricComparison:
     """Compare metrics at equal numbers of synergies, each with its best cuts; print the errors."""
     spacing = max(_SPACING, analysis.motion.duration / _CANDIDATES)
-    thresholds = () if analysis.threshold is None else (analysis.threshold,)
+    rules = {}
+    if analysis.cutting is not None and settings.segments != "optimal":
+        rules[analysis.cuts] = analysis.cutting
     with progress() as bar:
         comparison = compare_metrics(
-            analysis.model, analysis.motion, spacing=spacing, thresholds=thresholds, progress=bar
+            analysis.model, analysis.motion, spacing=spacing, rules=rules, progress=bar
         )
     print(
         f"\nmean errors with the cuts of least joint error for each metric, {spacing:.2f} s or "

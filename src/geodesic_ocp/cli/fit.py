@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,7 +20,7 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
-from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, with_parameters
+from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter
 from geodesic_ocp.fitting.resampling import (
     FEWEST,
     Heterogeneity,
@@ -29,9 +30,7 @@ from geodesic_ocp.fitting.resampling import (
 )
 from geodesic_ocp.fitting.resampling import leave_one_out as predicted
 from geodesic_ocp.fitting.segment_terms import Measure
-from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.anthropometry import Sides
-from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recordings import read_recordings
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_together
@@ -95,7 +94,7 @@ def fit(
         leave_one_out: predict each recording, or subject (see --by), from the others.
         skip: leave out files that cannot be used, and name them.
         out: folder for metric.json, tables and a figure.
-        settings: file (.toml, .json) of any of these options, such as threshold = 0.5.
+        settings: file (.toml, .json) of any of these options, such as deviation = 0.05.
 
     Raises:
         ValueError: wrong options, or files that cannot be used.
@@ -114,15 +113,15 @@ def fit(
         units = subjects if unit == "subject" else len(recordings)
         if leave_one_out and units < 2:
             raise ValueError(f"--leave-one-out needs at least two {unit}s, got {units}")
+        cutting = analysis.cutting(recordings[0].model)
+        if penalty is not None:
+            cutting = partial(segment_optimal, penalty=penalty, curve=curve, progress=bar)
         found = fit_metric(
             recordings,
             parameters,
             measure=measure,
             curve=curve,
-            segments=_optimal_segments(penalty, parameters, recordings, curve, bar),
-            threshold=analysis.threshold,
-            min_duration=analysis.min_duration,
-            hysteresis=analysis.hysteresis,
+            segments=cutting,
             progress=bar,
         )
         intervals: tuple[ConfidenceInterval, ...] = ()
@@ -196,29 +195,6 @@ def _recordings(
                 raise
             warnings.warn(f"no {each} arm: {reason}", stacklevel=1)
     return found
-
-
-def _optimal_segments(
-    penalty: float | None,
-    parameters: Sequence[Parameter],
-    recordings: Sequence[Recording],
-    curve: Curve,
-    bar: Progress,
-) -> list[list[tuple[int, int]]] | None:
-    """Return the cuts of least error with the initial metric, if --penalty asks for them."""
-    if penalty is None:
-        return None
-    start = [each.start for each in parameters]
-    return [
-        segment_optimal(
-            with_parameters(AdjustableKineticEnergy(each.model), parameters, start),
-            each.motion,
-            penalty=penalty,
-            curve=curve,
-            progress=bar,
-        )
-        for each in recordings
-    ]
 
 
 def _disagreement(found: Heterogeneity) -> str:

@@ -201,9 +201,9 @@ RecordingOptions = Annotated[RecordingSettings, Parameter(name="*", group="Recor
 AnalysisOptions = Annotated[AnalysisSettings, Parameter(name="*", group="Analysis")]
 ManyOptions = Annotated[ManyRecordings, Parameter(name="*", group="Many recordings")]
 LimitOptions = Annotated[GivenLimits, Parameter(name="*", group="Limits of the joints")]
-# A fit has the filter's and some of the cuts' settings, and a penalty and a measure of its own.
+# A fit has the filter's and the rules' settings, and a penalty and a measure of its own.
 _OF_FITS = re.compile(
-    r"^(?!resample|filter|metric|armature|segments|rest_|deviation|count|penalty|error|measure|spacing|max_|uncertainty|effort)"
+    r"^(?!resample|filter|metric|armature|count|penalty|error|measure|spacing|uncertainty|effort)"
 )
 FitOptions = Annotated[
     AnalysisSettings, Parameter(name="*", group="Recording and cuts", parse=_OF_FITS)

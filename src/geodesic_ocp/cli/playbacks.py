@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias, cast, get_args
 
 import numpy as np
 from cyclopts import Parameter
@@ -27,10 +27,11 @@ from geodesic_ocp.drawing.path_scenes import solution_playback
 from geodesic_ocp.drawing.playback_of import playback_of
 from geodesic_ocp.drawing.recording_scenes import (
     analysis_playback,
+    marked,
     marker_fit_playback,
     saved_synergies_playback,
 )
-from geodesic_ocp.drawing.scene import Playback
+from geodesic_ocp.drawing.scene import Cut, Playback
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, Sides, trunk
 from geodesic_ocp.model.combine import combine
@@ -47,6 +48,7 @@ from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.arm_alignment import check_joints, read_alignment
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import SYNERGIES
+from geodesic_ocp.studies.study_tables import read_text_table
 from geodesic_ocp.synergies.synergy import SavedSynergies, read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
@@ -169,7 +171,8 @@ class Shown:
         names = set(saved.motion.joint_names)
         title = f"{file.parent.name}/{file.name}" if file.parent.name else file.name
         if recorded is None:
-            return saved_synergies_playback(saved, self._model_of(file, saved), title=title)
+            whole = saved_synergies_playback(saved, self._model_of(file, saved), title=title)
+            return _with_marks(whole, file)
         own: Side = "left" if names <= set(human_arm("left").joint_names) else "right"
         (recording, *_) = self._recordings(recorded, self.side or own)
         if set(recording.model.joint_names) != names:
@@ -178,7 +181,8 @@ class Shown:
                 f"{recorded}, which are {', '.join(recording.model.joint_names)}"
             )
         name = f"{recording.name}: {len(saved.spans)} geodesic synergies"
-        return saved_synergies_playback(saved, recording.model, recording.motion, title=name)
+        whole = saved_synergies_playback(saved, recording.model, recording.motion, title=name)
+        return _with_marks(whole, file)
 
     def _model_of(self, file: Path, saved: SavedSynergies) -> Model:
         """Return the model that the file names, or the person with these joints, or --robot."""
@@ -318,6 +322,21 @@ def _parts(
             kind: None if each is None else each[:, own] for kind, each in arrays.items()
         }
         yield replace(trajectory, joint_names=robot.joint_names, units=trajectory.units[own], **cut)
+
+
+def _with_marks(playback: Playback, file: Path) -> Playback:
+    """Return the playback of synergies with the marks of their cuts in the table beside the file,
+    if there is one.
+    """
+    table, spans = file.with_name("cuts.csv"), playback.spans["synergies"]
+    if not table.is_file():
+        return playback
+    names, lines = read_text_table(table)
+    columns = dict(zip(names, zip(*(values for _, values in lines), strict=True), strict=False))
+    times = tuple(str(float(span.start)) for span in spans[1:])
+    if columns.get("cut [s]") != times or not set(columns.get("cut is", ())) <= {*get_args(Cut)}:
+        return playback  # the table of another analysis
+    return replace(playback, spans={"synergies": marked(spans, cast(Any, columns["cut is"]))})
 
 
 def _named_beside(file: Path) -> list[str]:

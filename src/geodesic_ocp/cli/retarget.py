@@ -41,7 +41,7 @@ from geodesic_ocp.retargeting.place_base import BasePlacement, place_base
 from geodesic_ocp.retargeting.result import Retargeting, waist_motion
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings, Segments
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import text
 from geodesic_ocp.trajectory.joint_trajectory import check_export
@@ -136,7 +136,7 @@ def demo(
     *,
     robot: str | None = None,
     metric: str = AnalysisSettings.metric,
-    threshold: float = AnalysisSettings.threshold,
+    segments: Segments = AnalysisSettings.segments,
     limits: bool = True,
     out: Path = Path("geodesic_ocp_demo"),
 ) -> int:
@@ -145,20 +145,21 @@ def demo(
     Args:
         robot: name of a robot, such as panda, to which the synergies are transferred.
         metric: joint-inertia, kinetic, euclidean, or a file that `fit` wrote (.json).
-        threshold: angle between motion and geodesic at which a new synergy begins [rad].
+        segments: developed: cut where geodesics explain the whole motion best; online: cut where
+            the motion leaves its geodesic, as in the paper.
         limits: keep the robot within its limits.
         out: folder for tables, figures, synergies and the robot's trajectory.
     """
-    settings = AnalysisSettings(metric=metric, threshold=threshold)
+    settings = AnalysisSettings(metric=metric, segments=segments)
     check_folder(out)
     if robot is None:
-        save_analysis(analyse_bundled(settings), out, with_curve=True)
+        save_analysis(analyse_bundled(settings), out, settings, with_curve=True)
         return 0
     arms = _arms([robot], ["left"])
     if missing := why_no_pages():
         print(f"note: no {_REPORT} will be written: {missing}")
     analysis = analyse_bundled(settings)
-    save_analysis(analysis, out)
+    save_analysis(analysis, out, settings)
     print()
     transfer = RetargetingSettings(limits=limits, speed_limits=limits)
     return _transfer(

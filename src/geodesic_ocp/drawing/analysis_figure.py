@@ -15,7 +15,9 @@ from geodesic_ocp.drawing.camera import Camera
 from geodesic_ocp.drawing.styles import (
     BASELINE,
     COMPARED,
+    CUT_LINES,
     OBSERVED,
+    PALE,
     PREDICTED,
     line_styles,
     new_figure,
@@ -34,12 +36,6 @@ _TICKS: dict[str, Any] = {"color": "#1b3a5c", "markersize": 9, "clip_on": False}
 _LONG = 12  # letters of an axis label beside a panel
 _STRIP = 1.7  # height of a strip of arms, relative to a panel's
 _SHADE = "#dfe6ee"
-_PALE = "0.65"
-# Lines at stable and at doubtful cuts.
-_CUTS: dict[bool, dict[str, Any]] = {
-    True: {"color": "0.25", "linewidth": 0.9, "linestyle": "-"},
-    False: {"color": _PALE, "linewidth": 0.9, "linestyle": (0, (4, 3))},
-}
 
 
 def shade_segments(axes: Axes, time: Array, segments: Sequence[tuple[int, int]]) -> None:
@@ -129,7 +125,7 @@ def draw_hand_path(
     sure = np.ones(len(marks), dtype=bool)
     if stable is not None:
         sure[1:-1] = stable
-    axes.plot(*marks[~sure].T, "o", **{**style, "markeredgecolor": _PALE})
+    axes.plot(*marks[~sure].T, "o", **{**style, "markeredgecolor": PALE})
     axes.plot(*marks[sure].T, "o", label="segment ends", **style)
     axes.set(xlabel=f"{hand} {'xyz'[first]} [m]", ylabel=f"{hand} {'xyz'[second]} [m]")
     axes.set_aspect("equal", adjustable="datalim")
@@ -253,7 +249,7 @@ def draw_analysis(
         draw_error_over_time(axes, time, segments, shown, label)
         if stable is not None:
             for start, sure in zip([start for start, _ in segments[1:]], stable, strict=True):
-                axes.axvline(time[start], **_CUTS[bool(sure)], zorder=1)
+                axes.axvline(time[start], **CUT_LINES["stable" if sure else "doubtful"], zorder=1)
         panels.append(axes)
     for axes in panels[:-1]:
         axes.label_outer()
@@ -265,9 +261,9 @@ def draw_analysis(
     figure.align_ylabels(panels)
     lines = panels[-1].get_legend_handles_labels()
     if stable is not None:
-        for sure, label in ((True, "stable cut"), (False, "doubtful cut")):
-            lines[0].append(panels[-1].plot([], [], **_CUTS[sure])[0])
-            lines[1].append(label)
+        for name, style in CUT_LINES.items():
+            lines[0].append(panels[-1].plot([], [], **style)[0])
+            lines[1].append(f"{name} cut")
     figure.legend(*lines, loc="outside lower left", ncols=len(lines[0]), **_LEGEND)
 
     places = _panels(grid, len(hands) + (curve is not None))

@@ -131,7 +131,7 @@ def described(playback: Playback) -> dict[str, Any]:
         "axes": first_view(playback.azimuth, playback.elevation).axes.tolist(),
         "layers": [[layer, layer not in playback.hidden] for layer in playback.layers],
         "spans": [
-            [name, [[span.name, span.start, span.stop, span.text] for span in spans]]
+            [name, [[span.name, span.start, span.stop, span.text, span.cut] for span in spans]]
             for name, spans in playback.spans.items()
         ],
         "roles": {role: _look(role, style) for role, style in ROLES.items()},

@@ -22,6 +22,7 @@ from geodesic_ocp.drawing.plots import (
     shorten,
 )
 from geodesic_ocp.drawing.scene import PARAMETER, Curve, Playback, Span, plain_text
+from geodesic_ocp.drawing.styles import CUT_LINES
 
 MOST_PLOTS = 3
 _COLUMNS = 4  # panes side by side
@@ -239,6 +240,8 @@ def _bars(figure: Any, playback: Playback, place: Layout) -> list[Moving]:
         axes.axvspan(*playback.range, color=SHADE, linewidth=0.0)
         for index, span in enumerate(spans):
             axes.axvspan(span.start, span.stop, color=_BARS[index % 2], linewidth=0.0)
+            if span.cut:
+                axes.axvline(span.start, **CUT_LINES[span.cut])
         mark, present = _present(axes, spans)
         moving += [mark, _cursor(axes, _CURSOR, 2.0), present]
     if place.bars:

@@ -25,7 +25,7 @@ from geodesic_ocp.drawing.model_scene import (
 )
 from geodesic_ocp.drawing.motion_scenes import motion_playback, of_joints, viewed_from
 from geodesic_ocp.drawing.path_scenes import model_of
-from geodesic_ocp.drawing.scene import Curve, Playback, Plot, PointCloud, Scene, Span
+from geodesic_ocp.drawing.scene import Curve, Cut, Playback, Plot, PointCloud, Scene, Span
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import carried, mobility_ellipsoids
 from geodesic_ocp.model.look import Indices
@@ -73,10 +73,11 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     for name in others:
         q, role = analysis.predictions[name].q[shown], _role(analysis, name)
         scene = overlaid(scene, model, q, labels[name], role, layer=labels[name])
+    spans, spread = synergy_spans(analysis.synergies), analysis.known_uncertainty
     return Playback(
         title or f"{model.name}, {len(analysis.synergies)} geodesic synergies",
         (scene,),
-        {"synergies": synergy_spans(analysis.synergies)},
+        {"synergies": spans if spread is None else marked(spans, spread.marks)},
         _plots(analysis, shown),
         azimuth=viewed_from(model),
         hidden=(*Playback.hidden, *(labels[name] for name in others)),
@@ -97,6 +98,12 @@ def _cuts(analysis: Analysis) -> tuple[PointCloud, ...]:
         points = model.frame_pose(hand, analysis.motion.q[samples])[1]
         clouds.append(PointCloud(CUTS, points[None], names, CUTS, "observed"))
     return tuple(clouds)
+
+
+def marked(spans: Sequence[Span], marks: Sequence[Cut]) -> tuple[Span, ...]:
+    """Return the spans (c + 1,) with the marks of the cuts between them (c,)."""
+    pairs = zip(spans[1:], marks, strict=True)
+    return (spans[0], *(replace(s, text=f"{s.text}, {m} cut before it", cut=m) for s, m in pairs))
 
 
 def synergy_spans(synergies: Sequence[Synergy]) -> tuple[Span, ...]:

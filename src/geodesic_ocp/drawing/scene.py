@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -229,6 +229,9 @@ class Scene(ShortRepr):
 SECONDS, PARAMETER = "time [s]", "path parameter s"
 
 
+Cut = Literal["stable", "doubtful"]  # what is known of a cut
+
+
 @dataclass(frozen=True)
 class Span:
     """A named span of time, such as a synergy.
@@ -237,12 +240,14 @@ class Span:
         name: shown on the slider.
         start, stop: in the playback's time.
         text: full description, such as "synergy 3 (0.42 s)".
+        cut: how sure its start is, if that is known.
     """
 
     name: str
     start: float
     stop: float
     text: str = ""
+    cut: Cut | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -102,6 +102,14 @@ def added_style(settings: dict[Any, Any]) -> Iterator[None]:
         yield
 
 
+# Lines at stable and at doubtful cuts.
+PALE = "0.65"
+CUT_LINES: dict[str, dict[str, Any]] = {
+    "stable": {"color": "0.25", "linewidth": 0.9, "linestyle": "-"},
+    "doubtful": {"color": PALE, "linewidth": 0.9, "linestyle": (0, (4, 3))},
+}
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of this size [inch], which adjusts its layout to its contents."""
     # Importing matplotlib takes longer than many computations: only what draws imports it.

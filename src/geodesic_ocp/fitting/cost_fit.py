@@ -22,6 +22,8 @@ from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.synergies.segment_developed import segment_developed
+from geodesic_ocp.synergies.uncertainty import Cutting
 from geodesic_ocp.tables import markdown, new_table
 
 if TYPE_CHECKING:
@@ -114,10 +116,7 @@ def fit_cost(
     *,
     metric: Callable[[Model], Metric] | None = None,
     measure: Measure = "joint",
-    segments: Sequence[Sequence[tuple[int, int]]] | None = None,
-    threshold: float = 0.6,
-    min_duration: float = 0.1,
-    hysteresis: float = 0.1,
+    segments: Sequence[Sequence[tuple[int, int]]] | Cutting = segment_developed,
     free_ends: bool = False,
     degree: int = 10,
     progress: Progress | None = None,
@@ -145,9 +144,7 @@ def fit_cost(
         metric: gives the metric of a model, such as a class; None: the kinetic energy with joint
             inertia of `analyse`.
         measure: "joint", configurations [rad], or "position", the hand's positions [m].
-        segments: segments of each recording, (start, stop) sample indices; None: those of
-            `segment`. Segments that hardly move are left out.
-        threshold, min_duration, hysteresis: of `segment` [rad], [s], [rad].
+        segments: as of `fit_metric`.
         free_ends: whether configurations and velocities at the ends are estimated, for unfiltered
             data; by default they are as observed.
         degree: degree of the polynomials that represent the motions.
@@ -170,9 +167,7 @@ def fit_cost(
     parts = observe_all(
         *(recordings, family, family, theta),
         dict(zip(chosen, ca.vertsplit(theta), strict=True)),
-        *(measure, degree, segments),
-        {"threshold": threshold, "min_duration": min_duration, "hysteresis": hysteresis},
-        report,
+        *(measure, degree, segments, report),
     )
     equal = np.full(k, 1.0 / k)
     program = MetricProgram(parts, equal, np.zeros(k), np.ones(k), free_ends, True)

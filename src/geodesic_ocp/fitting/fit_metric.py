@@ -22,6 +22,8 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.segment_costs import Curve
+from geodesic_ocp.synergies.segment_developed import segment_developed
+from geodesic_ocp.synergies.uncertainty import Cutting
 from geodesic_ocp.trajectory.motion import bandwidth
 
 _AT_BOUND = 1e-4  # distance from a bound, relative to the initial or the largest value
@@ -39,10 +41,7 @@ def fit_metric(
     *,
     metric: Callable[[Model], Metric] = AdjustableKineticEnergy,
     measure: Measure = "joint",
-    segments: Sequence[Sequence[tuple[int, int]]] | None = None,
-    threshold: float = 0.6,
-    min_duration: float = 0.1,
-    hysteresis: float = 0.1,
+    segments: Sequence[Sequence[tuple[int, int]]] | Cutting = segment_developed,
     free_ends: bool = False,
     curve: Curve = "geodesic",
     degree: int = 8,
@@ -77,10 +76,9 @@ def fit_metric(
         metric: gives the metric of a model, such as a class: a dataclass whose fields are the
             parameters, with a matrix(q) that takes CasADi expressions for them.
         measure: "joint", configurations [rad], or "position", the hand's positions [m].
-        segments: segments of each recording, (start, stop) sample indices; None: those of `segment`
-            with the initial values. Segments that hardly move are left out.
-        threshold, min_duration, hysteresis: threshold, min duration and hysteresis of `segment`
-            [rad], [s], [rad].
+        segments: a function that finds the segments of a motion by the metric with the initial
+            values, as of `analyse`; or those of each recording, (start, stop) sample indices.
+            Segments that hardly move are left out.
         free_ends: whether the ends of the predictions are estimated; by default they are as
             observed, as in `reconstruct`. Estimated ends are for noisy, unfiltered data.
         curve: what predicts a segment: "geodesic", or "cubic", the motion of least covariant
@@ -111,9 +109,7 @@ def fit_metric(
         lambda model: with_parameters(metric(model), chosen, ca.vertsplit(theta)),
         theta,
         {"energy" if curve == "geodesic" else "acceleration": 1.0},
-        *(measure, degree, segments),
-        {"threshold": threshold, "min_duration": min_duration, "hysteresis": hysteresis},
-        report,
+        *(measure, degree, segments, report),
     )
     return solve_program(
         MetricProgram(parts, start, lower, upper, free_ends),

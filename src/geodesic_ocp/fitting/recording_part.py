@@ -21,9 +21,9 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Pair
 from geodesic_ocp.synergies.synergy import as_segments
+from geodesic_ocp.synergies.uncertainty import Cutting
 
 # Shorter or smaller motions do not determine the shape of a path.
 _MIN_SAMPLES, _MIN_RANGE = 4, 0.05  # [rad or m]
@@ -114,8 +114,7 @@ def observe_all(
     weights: Mapping[Cost, ca.SX | float],
     measure: Measure,
     degree: int,
-    segments: Sequence[Sequence[Pair]] | None,
-    rule: Mapping[str, float],
+    segments: Sequence[Sequence[Pair]] | Cutting,
     report: Progress,
 ) -> tuple[RecordingPart, ...]:
     """Return the segments of all recordings; those of one model share their terms.
@@ -128,8 +127,7 @@ def observe_all(
         weights: of the costs, numbers or expressions in theta.
         measure: what is compared.
         degree: degree of the polynomials.
-        segments: of each recording; None: those of `segment` by the rule.
-        rule: arguments of `segment`.
+        segments: of each recording, or a function that finds them by the metric.
         report: called with the current step, the amount done, and the total.
 
     Raises:
@@ -140,7 +138,7 @@ def observe_all(
         raise ValueError("recordings must be one or more of go.recordings.Recording")
     if len({each.model.dof for each in listed}) > 1:
         raise ValueError("the models of all recordings must have the same number of joints")
-    if segments is not None and len(segments) != len(listed):
+    if not callable(segments) and len(segments) != len(listed):
         raise ValueError(f"segments must be given for each of {len(listed)} recordings")
     if measure not in get_args(Measure):
         raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
@@ -154,7 +152,7 @@ def observe_all(
         if id(model) not in terms:
             terms[id(model)] = SegmentTerms(symbolic(model), theta, model, measure, degree, weights)
         initial = metric(model)
-        cuts = segment(initial, recording.motion, **rule) if segments is None else segments[number]
+        cuts = segments(initial, recording.motion) if callable(segments) else segments[number]
         parts.append(observe(recording, initial, cuts, terms[id(model)]))
     return tuple(parts)
 

@@ -120,14 +120,9 @@ def analyse_recording(
     return analyse(
         model,
         motion,
-        settings.threshold,
         metric=metric,
         segments=settings.cutting(model, progress),
         noise=None if recording.fit is None else recording.fit.noise,
-        rest=settings.rest_speed,
-        rest_duration=settings.rest_duration,
-        min_duration=settings.min_duration,
-        hysteresis=settings.hysteresis,
         progress=progress,
     )
 

@@ -16,17 +16,17 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
-from geodesic_ocp.synergies.segment import as_threshold
+from geodesic_ocp.synergies.segment import as_threshold, segment
 from geodesic_ocp.synergies.segment_costs import Measure
 from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.uncertainty import Cutting
 
-Segments = Literal["online", "developed", "optimal"]
+Segments = Literal["developed", "online", "optimal"]
 _WANTED = ("count", "penalty", "error")
 # Settings that apply to some kinds of segments only.
 _OF_KIND: dict[Segments, tuple[str, ...]] = {
-    "online": ("threshold", "rest_speed", "rest_duration", "min_duration", "hysteresis"),
     "developed": ("deviation", "rest_speed", "rest_duration", "min_duration", "max_duration"),
+    "online": ("threshold", "rest_speed", "rest_duration", "min_duration", "hysteresis"),
     "optimal": (*_WANTED, "measure", "spacing", "max_duration"),
 }
 
@@ -49,13 +49,15 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
             file that `fit` wrote (.json).
         armature: joint inertia of every joint [kg m^2]; default: 0.03 m r^2, with the mass m and
             the reach r of the arm.
-        segments: online: cut where the motion leaves its geodesic; developed: cut where geodesics
-            explain the whole motion best; optimal: cut where the error becomes least.
-        threshold: angle between motion and geodesic at which a new synergy begins [rad].
+        segments: developed: cut where geodesics explain the whole motion best; online: cut where
+            the motion leaves its geodesic, as in the paper; optimal: cut where the error becomes
+            least.
+        threshold: angle between motion and geodesic at which a new online segment begins [rad].
         rest_speed: fraction of the largest speed below which the arm rests.
         rest_duration: duration of the shortest rest that is a segment of its own [s].
         min_duration: duration of the shortest segment that is not a rest [s]; 0 allows any.
-        hysteresis: angle beyond the threshold that a change of direction must reach [rad].
+        hysteresis: angle beyond the threshold that a change of direction must reach to begin a new
+            online segment [rad].
         deviation: what a further developed segment must save: a root mean square deviation of this
             size over one second [rad s^0.5].
         count: number of optimal segments.
@@ -81,7 +83,7 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
     filter: bool = True
     metric: str = "joint-inertia"
     armature: float | None = None
-    segments: Segments = "online"
+    segments: Segments = "developed"
     threshold: float = 0.6
     rest_speed: float = 0.02
     rest_duration: float = 0.1
@@ -167,11 +169,12 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
 
         return load_metric(self.metric, model)
 
-    def cutting(self, model: Model, progress: Progress | None = None) -> Cutting | None:
-        """Return how a filtered motion is cut; None for the online rule."""
-        if self.segments == "online":
-            return None
+    def cutting(self, model: Model, progress: Progress | None = None) -> Cutting:
+        """Return how a filtered motion is cut."""
         chosen: dict[str, Any] = {name: getattr(self, name) for name in _OF_KIND[self.segments]}
-        if self.segments == "developed":
-            return partial(segment_developed, rest=chosen.pop("rest_speed"), **chosen)
-        return partial(segment_optimal, model=model, progress=progress, **chosen)
+        if self.segments == "optimal":
+            return partial(segment_optimal, model=model, progress=progress, **chosen)
+        rest = chosen.pop("rest_speed")
+        if self.segments == "online":
+            return partial(segment, rest=rest, **chosen)
+        return partial(segment_developed, rest=rest, **chosen)

@@ -22,8 +22,9 @@ from geodesic_ocp.studies.paired_test import PairedTest, paired_test
 from geodesic_ocp.synergies.baselines import distal_inertia, distal_joints
 from geodesic_ocp.synergies.scores import SCORES, Scores, score
 from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, second_order_names
-from geodesic_ocp.synergies.segment import segment
+from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.synergy import as_segments, reconstruct
+from geodesic_ocp.synergies.uncertainty import Cutting
 from geodesic_ocp.tables import markdown, new_table
 
 if TYPE_CHECKING:
@@ -199,8 +200,7 @@ def compare_methods(
     metrics: Mapping[str, MetricOrFunction] | None = None,
     *,
     methods: Sequence[str] | None = None,
-    segments: Literal["same"] | Sequence[_Segments] = "same",
-    threshold: float = 0.6,
+    segments: Sequence[_Segments] | Cutting = segment_developed,
     progress: Progress | None = None,
 ) -> MethodComparison:
     """Predict the same segments of recordings by geodesics and by baselines, and score them all.
@@ -230,9 +230,8 @@ def compare_methods(
             the Euclidean metric, whose geodesics are straight lines.
         methods: names of the other predictions, in the order of the table; None: all but those of
             least effort.
-        segments: "same": every recording is cut by the first metric (`segment`), and all methods
-            predict these segments; or the segments of each recording, which all methods predict.
-        threshold: threshold of the segmentation [rad], see `segment`.
+        segments: a function that finds the segments of a motion by the first metric, as of
+            `analyse`; or the segments of each recording. All methods predict these segments.
         progress: called with the current step, the amount done, and the total.
 
     Returns:
@@ -240,8 +239,7 @@ def compare_methods(
 
     Raises:
         ValueError: no recordings or metrics, an unknown method, segments that do not cover their
-            recording, a metric of another dimension, a recording that never moves, or a threshold
-            that is out of range.
+            recording, a metric of another dimension, or a recording that never moves.
         IntegrationFailed: the first metric is singular along a recording, see `segment`.
     """
     given = [recordings] if isinstance(recordings, Recording) else recordings
@@ -267,11 +265,11 @@ def compare_methods(
     def metric(name: str, model: Model) -> Metric:
         return metric_of(name, metrics[name], model)
 
-    cuts = _given_segments(recordings, segments)
+    cuts: list[_Segments] = [] if callable(segments) else _given_segments(recordings, segments)
     for recording in recordings:
         report(f"{recording.name}: cutting into segments")
-        if segments == "same":
-            cuts.append(_cut(metric(methods[0], recording.model), recording, threshold))
+        if callable(segments):
+            cuts.append(_cut(metric(methods[0], recording.model), recording, segments))
     scores: dict[str, list[Scores]] = {method: [] for method in methods}
     failures: list[tuple[str, str, str]] = []
     for recording, pieces in zip(recordings, cuts, strict=True):
@@ -306,10 +304,10 @@ def compare_methods(
 _UNKNOWN = Scores(**{each.name: float("nan") for each in fields(Scores)})
 
 
-def _cut(metric: Metric, recording: Recording, threshold: float) -> _Segments:
+def _cut(metric: Metric, recording: Recording, cutting: Cutting) -> _Segments:
     """Return the segments of a recording; errors name it."""
     try:
-        return segment(metric, recording.motion, threshold)
+        return as_segments(recording.motion, cutting(metric, recording.motion))
     except ValueError as failure:
         raise ValueError(f"{recording.name}: {failure}") from None
     except IntegrationFailed as failure:
@@ -318,13 +316,9 @@ def _cut(metric: Metric, recording: Recording, threshold: float) -> _Segments:
 
 
 def _given_segments(
-    recordings: Sequence[Recording], segments: str | Sequence[_Segments]
+    recordings: Sequence[Recording], segments: Sequence[_Segments]
 ) -> list[_Segments]:
-    """Return the segments that are given, for each recording; none if they are "same"."""
-    if isinstance(segments, str):
-        if segments != "same":
-            raise ValueError(f"segments must be 'same' or those of each recording: {segments!r}")
-        return []
+    """Return the segments that are given, for each recording."""
     if len(segments) != len(recordings):
         raise ValueError(
             f"segments must be given for each of {len(recordings)} recordings, got {len(segments)}"

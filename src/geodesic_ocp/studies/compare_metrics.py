@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import cycle
+from itertools import chain, cycle
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -27,7 +27,9 @@ from geodesic_ocp.synergies.optimal_segmentations import (
 from geodesic_ocp.synergies.scores import motion_errors
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Measure
+from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.synergy import reconstruct
+from geodesic_ocp.synergies.uncertainty import Cutting
 from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
@@ -110,15 +112,15 @@ class MetricComparison:
         curves: tables by metric, indexed by the number of segments: mean errors with optimal cuts
             in the columns joint, position and orientation [rad, m, rad], the Bayesian information
             criterion, and the cuts as (start, stop) sample indices.
-        online: tables by metric, indexed by the threshold of the online rule [rad]: the number of
-            segments, and errors likewise.
+        by_rule: tables by metric, indexed by the rules that were compared: the number of segments,
+            and errors likewise.
     """
 
     model: Model
     motion: Motion
     measure: Measure
     curves: Mapping[str, DataFrame]
-    online: Mapping[str, DataFrame]
+    by_rule: Mapping[str, DataFrame]
 
     def __repr__(self) -> str:
         names = list(self.curves)[:3]
@@ -153,7 +155,7 @@ class MetricComparison:
         return int(self.curves[name]["criterion"].idxmin())
 
     def table(self, counts: Sequence[int] | None = None) -> DataFrame:
-        """Return mean errors of every metric: optimal cuts, then those of the online rule.
+        """Return mean errors of every metric: optimal cuts, then those of the rules.
 
         Args:
             counts: numbers of segments; None shows 4, 8, ..., 24 and the number worth having.
@@ -172,15 +174,14 @@ class MetricComparison:
             for count, *errors in chosen[[*_MEASURES]].itertuples():
                 cuts = "optimal, least BIC" if count == best else "optimal"
                 rows.append((name, cuts, count, *errors))
-            for threshold, *found in self.online[name].itertuples():
-                rows.append((name, f"online, {threshold:g} rad", *found))
+            rows += [(name, *found) for found in self.by_rule[name].itertuples()]
         return new_table(_HEADER, rows)
 
     def draw(self, axes: Axes, measure: Measure | None = None) -> None:
         """Draw error against number of segments into axes, with a legend.
 
         Curves are optimal cuts, their filled marks the numbers worth having, hollow marks the
-        online rule.
+        rules.
 
         Args:
             axes: axes of matplotlib.
@@ -195,23 +196,27 @@ class MetricComparison:
         from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
         best = {name: self.best_count(name) for name in self.curves}
-        online = {n: each.set_index("segments")[measure] for n, each in self.online.items()}
-        marked = [*best.values(), *(count for each in online.values() for count in each.index)]
+        marked = [*best.values(), *(int(n) for t in self.by_rule.values() for n in t["segments"])]
+        rules = dict.fromkeys(chain(*(table.index for table in self.by_rule.values())))
+        shapes = dict(zip(rules, cycle("os^v"), strict=False))
         largest = max(int(curve.index[-1]) for curve in self.curves.values())
         shown = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked))))
         visible: list[float] = []
         for (name, curve), style in zip(self.curves.items(), _styles(len(best)), strict=True):
-            errors, points = curve[measure], online[name]
+            errors, points = curve[measure], self.by_rule[name]
             few = {"markersize": 4.0} if len(errors) <= 12 else {"marker": "none"}
             axes.plot(errors, **{**style, **few}, label=name)
             at = {**style, "linestyle": "none", "zorder": 4}
             axes.plot([best[name]], [errors[best[name]]], **at, markersize=8.0)
-            axes.plot(points, **at, markersize=6.5, fillstyle="none")
-            visible += [*errors[errors.index <= shown], *points]
-        grey: dict[str, Any] = {"color": "0.35", "linestyle": "none", "marker": "o"}
-        axes.plot([], [], **grey, markersize=8.0, label="least BIC")
-        if any(map(len, online.values())):
-            axes.plot([], [], **grey, markersize=6.5, fillstyle="none", label="online rule")
+            for rule, count, error in points[["segments", measure]].itertuples():
+                hollow = at | {"marker": shapes[rule], "markersize": 6.5, "fillstyle": "none"}
+                axes.plot([count], [error], **hollow)
+            visible += [*errors[errors.index <= shown], *points[measure]]
+        grey: dict[str, Any] = {"color": "0.35", "linestyle": "none"}
+        axes.plot([], [], **grey, marker="o", markersize=8.0, label="least BIC")
+        for rule, shape in shapes.items():
+            hollow = {"marker": shape, "markersize": 6.5, "fillstyle": "none"}
+            axes.plot([], [], **grey, **hollow, label=f"{rule} cuts")
         axes.legend(fontsize="small", frameon=True, framealpha=0.9)
         axes.set_yscale("log")
         if positive := [error for error in visible if error > 0.0]:
@@ -328,7 +333,7 @@ def compare_metrics(
     refined: bool = False,
     spacing: float = 0.05,
     max_duration: float = 2.0,
-    thresholds: Sequence[float] = (0.3, 0.6, 1.0),
+    rules: Mapping[str, Cutting] | None = None,
     noise: ArrayLike | None = None,
     cutoff: float | None = None,
     progress: Progress | None = None,
@@ -336,8 +341,8 @@ def compare_metrics(
     """Reconstruct a motion with several metrics, each with the cuts that are best for it.
 
     At an equal number of segments, each metric has its least error in one measure
-    (`optimal_segmentations`). The errors in the other two measures are those of the same cuts. The
-    online rule (`segment`) adds one point for each metric and threshold.
+    (`optimal_segmentations`). The errors in the other two measures are those of the same cuts.
+    Rules that find a number of segments by themselves add one point for each metric.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -345,7 +350,7 @@ def compare_metrics(
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
     >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
     >>> metrics = {"straight lines": go.Euclidean(7)}
-    >>> comparison = go.studies.compare_metrics(arm, part, metrics, thresholds=[0.6], spacing=0.1)
+    >>> comparison = go.studies.compare_metrics(arm, part, metrics, rules={}, spacing=0.1)
     >>> comparison.curves["straight lines"].index.tolist()
     [1, 2, 3, 4, 5, 6, 7]
 
@@ -362,7 +367,8 @@ def compare_metrics(
             metric; otherwise they stay on the grid of candidates.
         spacing: spacing of the candidates [s].
         max_duration: max duration of a segment [s].
-        thresholds: thresholds of the online rule [rad].
+        rules: functions of metric and motion that find segments, by name; None:
+            `segment_developed` and the online rule, `segment`.
         noise: standard deviation of the noise in the coordinates, one number or (n,) [rad], for
             `MetricComparison.best_count`; None estimates it from the record of the filter.
         cutoff: cutoff of the motion's filter [Hz], for the same; None takes the filter's. Where
@@ -372,11 +378,11 @@ def compare_metrics(
 
     Raises:
         ValueError: there is no metric or it does not fit the model, counts are empty or not
-            possible with one of the metrics, or see `optimal_segmentations` and `segment`.
+            possible with one of the metrics, or see `optimal_segmentations` and the rules.
         NotConverged: see `optimal_segmentations`.
 
     Warns:
-        RuntimeWarning: log maps failed, or a point of the online rule was left out for that.
+        RuntimeWarning: log maps failed, or a point of a rule was left out for that.
     """
     motion = motion.select(as_model(model).joint_names)
     if motion.velocity is None:
@@ -387,7 +393,8 @@ def compare_metrics(
         raise ValueError(f"counts must be one or more numbers of segments, got {counts!r}")
     frequency = bandwidth(motion, cutoff)
     floor = noise_left(motion, noise, frequency)
-    curves, online = {}, {}
+    rules = {"developed": segment_developed, "online": segment} if rules is None else rules
+    curves, by_rule = {}, {}
     for name, metric in named.items():
         found = optimal_segmentations(
             metric,
@@ -400,8 +407,8 @@ def compare_metrics(
         )
         chosen = found.counts.tolist() if counts is None else sorted({int(k) for k in counts})
         curves[name] = _curve(model, found, chosen, refined, floor, frequency)
-        online[name] = _online(model, metric, motion, thresholds, name)
-    return MetricComparison(model, motion, measure, curves, online)
+        by_rule[name] = _by_rule(model, metric, motion, rules, name)
+    return MetricComparison(model, motion, measure, curves, by_rule)
 
 
 def _labelled(progress: Progress, name: str) -> Progress:
@@ -431,26 +438,25 @@ def _curve(
     return DataFrame(rows, columns=columns).set_index("segments")
 
 
-def _online(
-    model: Model, metric: Metric, motion: Motion, thresholds: Sequence[float], name: str
+def _by_rule(
+    model: Model, metric: Metric, motion: Motion, rules: Mapping[str, Cutting], name: str
 ) -> DataFrame:
-    """Return errors with the cuts of the online rule, for the thresholds at which it succeeds."""
+    """Return errors with the cuts of the rules that succeed."""
     from pandas import DataFrame
 
     points = []
-    for threshold in thresholds:
+    for rule, cutting in rules.items():
         try:
-            segments = segment(metric, motion, threshold)
+            segments = cutting(metric, motion)
             predicted = reconstruct(metric, motion, segments).predicted
         except GeodesicOcpError as failure:
             warnings.warn(
-                f"{name}: the online rule at {threshold:g} rad is left out: {failure}",
+                f"{name}: {rule} cuts are left out: {failure}",
                 RuntimeWarning,
                 stacklevel=3,
             )
             continue
         errors = motion_errors(model, motion, predicted)
         found = (errors.joint, errors.position, errors.orientation)
-        points.append((float(threshold), len(segments), *found))
-    columns = ["threshold", "segments", *_MEASURES]
-    return DataFrame(points, columns=columns).set_index("threshold")
+        points.append((rule, len(segments), *found))
+    return DataFrame(points, columns=["cuts", "segments", *_MEASURES]).set_index("cuts")

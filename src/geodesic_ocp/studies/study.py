@@ -70,7 +70,7 @@ def study(
 
     Raises:
         RecordingError: a table is missing, cannot be read, is inconsistent, or the recordings were
-            cut by metrics that differ; names file and line.
+            cut by metrics or rules that differ; names file and line.
         ValueError: an argument that does not fit the source, or no such column.
         ImportError: only Parquet files are there, and the extra `parquet` is not installed.
     """
@@ -138,8 +138,17 @@ def _check_conditions(rows: DataFrame, by: str | None) -> None:
 
 
 def _check_labels(rows: DataFrame, by: str | None) -> None:
-    """Check that a method means the same in all recordings under one condition."""
+    """Check that a method means the same in all recordings under one condition, and the cuts."""
     labels = rows.assign(condition=conditions_of(rows, by), method_label=labels_of(rows))
+    for _, own in labels.groupby("condition", sort=False):
+        first, other = own.iloc[0], own[own["cuts"] != own.iloc[0]["cuts"]]
+        if len(other):
+            raise RecordingError(
+                f"cuts are {first['cuts'] or 'not known'} in recording {first['recording']}, but "
+                f"{other.iloc[0]['cuts'] or 'not known'} in {other.iloc[0]['recording']}: "
+                "recordings that were cut by rules that differ cannot be averaged; analyse all "
+                "with the same settings, or compare the rules with by='cuts'"
+            )
     for (method, _), own in labels.groupby(["method", "condition"], sort=False):
         first, other = own.iloc[0], own[own["method_label"] != own.iloc[0]["method_label"]]
         if len(other):

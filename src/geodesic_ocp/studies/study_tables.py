@@ -62,7 +62,7 @@ RECORDINGS: dict[str, Kind] = {
     "cutoff_hz": "number",  # of the filter
     "noise_rad": "number",  # root mean square over joints
     "metric": "text",  # in which the motion is segmented and planned
-    "threshold_rad": "number",  # of the segmentation; missing for optimal segments
+    "cuts": "text",  # how the motion was segmented, see `Analysis.cuts`
     "method": "text",  # key in `Analysis.errors`
     "method_label": "text",  # the method in words, as in `Analysis.table`
     "segments": "integer",  # of the method; missing if the method has none
@@ -129,7 +129,7 @@ def recording_rows(
         "cutoff_hz": None if used is None else _finite(used.bandwidth),
         "noise_rad": None if used is None else _finite(float(np.sqrt(np.mean(used.noise**2)))),
         "metric": analysis.metric_name,
-        "threshold_rad": analysis.threshold,
+        "cuts": analysis.cuts,
     }
     labels = analysis.labels()
     rows = [

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
+from inspect import signature
 from itertools import chain
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, second_order_names
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
+from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.synergy import (
     Reconstruction,
     Synergy,
@@ -77,7 +79,6 @@ class Analysis:
         model: the arm, or a model with several hands, such as `human_upper_body`.
         motion: the observed motion, filtered.
         metric: in which the motion was cut and its synergies are geodesics.
-        threshold: threshold of the segmentation [rad]; None if the segments were given.
         segments: (start, stop) sample indices of the geodesic segmentation.
         synergies: one for each segment.
         predicted: the motion that the synergies predict.
@@ -99,7 +100,6 @@ class Analysis:
     model: Model
     motion: Motion
     metric: Metric
-    threshold: float | None
     segments: tuple[tuple[int, int], ...]
     synergies: tuple[Synergy, ...]
     predicted: Motion
@@ -114,7 +114,7 @@ class Analysis:
     def __repr__(self) -> str:
         return (
             f"Analysis({self.model.name}, {self.motion.duration:.3f} s, {len(self.synergies)} "
-            f"geodesic synergies{self._by_rule},\n  {self.metric_name},\n"
+            f"geodesic synergies, {self.cuts},\n  {self.metric_name},\n"
             f"  {self.errors['riemannian']})"
         )
 
@@ -130,8 +130,22 @@ class Analysis:
         return f"{name} {joint_inertia_of(self.metric)}".removesuffix(", same segments ").strip()
 
     @property
-    def _by_rule(self) -> str:
-        return "" if self.threshold is None else f" at a threshold of {self.threshold:g} rad"
+    def cuts(self) -> str:
+        """How the motion was cut: developed, online, optimal or the name of another function, with
+        the numbers that are not its defaults, as in "online, threshold 0.4"; or given.
+        """
+        if self.cutting is None:
+            return "given"
+        rule = getattr(self.cutting, "func", self.cutting)
+        if rule is segment:
+            name = "online"
+        else:
+            name = getattr(rule, "__name__", type(rule).__name__).removeprefix("segment_")
+        usual = signature(rule).parameters
+        chosen = getattr(self.cutting, "keywords", {}).items()
+        own = [(k, v) for k, v in chosen if isinstance(v, int | float | str)]
+        numbers = [f"{k} {v}" for k, v in own if k not in usual or v != usual[k].default]
+        return ", ".join([name, *numbers])
 
     def table(self, *, unfiltered: bool = False, degrees: bool = False) -> DataFrame:
         """Return number of segments and mean errors of all methods, of each hand if there are
@@ -243,7 +257,7 @@ class Analysis:
         if self.cutting is None:
             raise ValueError(
                 "how the segments were found is not known: give analyse a function of metric and "
-                "motion, such as segments=go.synergies.segment_developed"
+                "motion, such as segments=go.segment"
             )
         known, key = self._uncertainties, (replicates, seed)
         if key not in known:
@@ -252,6 +266,13 @@ class Analysis:
                 *own, noise=self.noise, replicates=replicates, seed=seed, progress=progress
             )
         return known[key]
+
+    @property
+    def known_uncertainty(self) -> Uncertainty | None:
+        """What `uncertainty` has returned last, by which the viewer marks cuts; None if it was not
+        asked for.
+        """
+        return next(reversed(self._uncertainties.values()), None)
 
     @cached_property
     def _uncertainties(self) -> dict[tuple[int, int], Uncertainty]:
@@ -329,7 +350,7 @@ class Analysis:
         if uncertainty is not None:
             count += " ({} to {})".format(*uncertainty.count_range)
         figure.suptitle(
-            f"{model.name}: {count} geodesic synergies{self._by_rule},"
+            f"{model.name}: {count} geodesic synergies ({self.cuts}),"
             + ("\n" if several or uncertainty is not None else " ")
             + self.metric_name.replace("^2", "²")
         )
@@ -386,14 +407,9 @@ class Analysis:
 def analyse(
     model: Model,
     motion: Motion,
-    threshold: float = 0.6,
     *,
     metric: Metric | MetricName | None = None,
-    segments: Sequence[tuple[int, int]] | Cutting | None = None,
-    rest: float = 0.02,
-    rest_duration: float = 0.1,
-    min_duration: float = 0.1,
-    hysteresis: float = 0.1,
+    segments: Sequence[tuple[int, int]] | Cutting = segment_developed,
     noise: Noise | None = None,
     progress: Progress | None = None,
 ) -> Analysis:
@@ -417,17 +433,15 @@ def analyse(
         model: the arm, or arms and trunk (`human_upper_body`, `combine`); its joints are selected
             from the motion by name. The base is taken to be at rest.
         motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
-        threshold: threshold of the segmentation [rad], see `segment`.
         metric: in which the motion is cut and planned. None or "joint-inertia": the kinetic energy
             with the model's joint inertia (`Model.armature`), or, if the model has none, with the
             default one (`default_joint_inertia`). "kinetic": the kinetic energy without joint
             inertia, also if the model has some, which is the paper's metric. "euclidean": straight
             lines. Or any metric on the model's joints, such as `KineticEnergy(model)`.
-        segments: a function of metric and motion that finds the segments in place of `segment`,
-            such as `segment_developed`; or (start, stop) sample indices from the first sample to
-            the last.
-        rest, rest_duration, min_duration, hysteresis: rest, rest duration, min duration and
-            hysteresis of the segmentation, see `segment`.
+        segments: a function of metric and motion that finds the segments: `segment_developed`,
+            which cuts where geodesics explain the whole motion best; `segment`, the online rule of
+            Klein et al.; or either with other numbers, as `partial(go.segment, threshold=0.4)`. Or
+            (start, stop) sample indices from the first sample to the last.
         noise: noise of the motion for `Analysis.uncertainty`, such as `MarkerFit.noise`; None is
             that of the residuals of its filter.
         progress: called with the current step, the amount done, and the total.
@@ -457,20 +471,9 @@ def analyse(
     if motion.velocity is None:
         motion = motion.filtered()
     report("cutting into segments", 0, 1)
-    cutting: Cutting | None
-    if segments is None:
-        cutting = partial(
-            segment,
-            threshold=threshold,
-            rest=rest,
-            rest_duration=rest_duration,
-            min_duration=min_duration,
-            hysteresis=hysteresis,
-        )
-    else:
-        cutting = segments if callable(segments) else None
-    given = segments if cutting is None else cutting(metric, motion)
-    cut = as_segments(motion, cast("Sequence[tuple[int, int]]", given))
+    cutting = segments if callable(segments) else None
+    given = segments(metric, motion) if callable(segments) else segments
+    cut = as_segments(motion, given)
     # Three of the seven joints of an arm, in proportion: of 20, three reverse at once by chance.
     reversing = min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)
     zero_velocity = segment_zero_velocity(motion, joints=reversing)
@@ -519,7 +522,6 @@ def analyse(
         model=model,
         motion=motion,
         metric=metric,
-        threshold=float(threshold) if segments is None else None,
         segments=tuple(cut),
         synergies=found["riemannian"].synergies,
         predicted=found["riemannian"].predicted,

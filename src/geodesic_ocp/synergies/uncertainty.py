@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,11 @@ class Uncertainty(ShortRepr):
         return self.near >= _STABLE
 
     @property
+    def marks(self) -> list[Literal["stable", "doubtful"]]:
+        """What each cut is said to be (c,)."""
+        return ["stable" if each else "doubtful" for each in self.stable]
+
+    @property
     def count_range(self) -> tuple[int, int]:
         """Least and largest number of synergies, see `error_range`."""
         low, high = _range(self.counts, self.count)
@@ -104,8 +109,8 @@ class Uncertainty(ShortRepr):
     def table(self) -> DataFrame:
         """Return for every cut how often it comes back, its spread, and whether it is stable."""
         columns = (100.0 * self.shares, 100.0 * self.near, 1e3 * self.spreads)
-        marks = np.where(self.stable, "stable", "doubtful").tolist()
-        rows = zip(self.times.tolist(), *(each.tolist() for each in columns), marks, strict=True)
+        numbers = (each.tolist() for each in (self.times, *columns))
+        rows = zip(*numbers, self.marks, strict=True)
         header = ("cut [s]", "within 0.1 s [%]", "within 0.03 s [%]", "spread [ms]", "cut is")
         return new_table(header, list(rows), str(self))
 

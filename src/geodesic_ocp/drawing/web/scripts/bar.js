@@ -77,11 +77,12 @@ class Bar {
     const cursor = made("i");
     const track = made("div", { class: "playback-track playback-spans" });
     const line = made("div");
-    const pieces = spans.map(([span, from, to, text]) => {
+    const pieces = spans.map(([span, from, to, text, cut]) => {
       const piece = button(text || span, made("span", {}, span), () => this.viewer.seek(from));
       piece.tabIndex = -1; // the keyboard has shift and arrows
       piece.style.left = this.share(from);
       piece.style.width = `calc(${this.share(to)} - ${this.share(from)})`;
+      if (cut) piece.classList.add(`playback-${cut}`);
       line.append(piece);
       return piece;
     });
