@@ -60,7 +60,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     result = {
         "own_subject": "Ann",
         "probes": [9, [0.1, 0.2]],
-        "recordings": [row | {"threshold_rad": None}],
+        "recordings": [row | {"cutoff_hz": None}],
         "synergies": [{"synergy": 1, "metric": "m", "length": 0.3}],
         "warnings": ["a warning"],
     }

@@ -116,7 +116,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.synergies.optimal_segmentations(go.Euclidean(7), turn.filtered()),
         go.synergies.spline_knots(go.Euclidean(7), turn.filtered()),
         go.studies.EqualNumbers(("wave",), ("lines",), np.ones(1), np.ones((1, 1, 1)), "rad"),
-        go.studies.compare_metrics(arm, turn, {"lines": go.Euclidean(7)}, thresholds=[]),
+        go.studies.compare_metrics(arm, turn, {"lines": go.Euclidean(7)}, rules={}),
         go.fitting.Parameter("armature", 0.05, joints=("?S?_joint",)),
         go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.03, payload=0.5),
         metric_fit,

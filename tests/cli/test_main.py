@@ -48,7 +48,7 @@ def test_analyse_prints_a_table_and_writes_files(
     text = capsys.readouterr().out
     assert "human left arm, height 1.75 m, mass 70 kg: 128 samples" in text
     assert "assumed, not in the recording: height 1.75 m, mass 70.0 kg" in text
-    assert "geodesic synergies at a threshold of 0.6 rad" in text
+    assert "Cuts: developed.\n" in text
     assert "straight lines, same segments" in text
     assert f"wrote {out / 'figure.png'}" in text
     assert (out / "synergies.json").is_file()
@@ -58,10 +58,10 @@ def test_height_mass_and_threshold_are_options(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["analyse", str(short_file), "--side", "left", "--height", "1.5", "--mass", "50"]
-    assert cli.main([*arguments, "--threshold", "1.0"]) == 0
+    assert cli.main([*arguments, "--segments", "online", "--threshold", "1.0"]) == 0
     text = capsys.readouterr().out
     assert "height 1.5 m, mass 50 kg" in text
-    assert "threshold of 1 rad" in text
+    assert "Cuts: online, threshold 1.0.\n" in text
     assert "assumed" not in text
     assert "wrote" not in text
 
@@ -134,8 +134,9 @@ def test_settings_of_the_segmentation_are_options(
     motion = go.read_motion(short_file, arm.joint_names).filtered(cutoff=5.0)
     text = printed(
         [
-            *["analyse", str(short_file), "--side", "left", "--cutoff", "5", "--threshold", "0.4"],
-            *["--rest-speed", "0.3", "--rest-duration", "0.05", "--min-duration", "0.02"],
+            *["analyse", str(short_file), "--side", "left", "--cutoff", "5"],
+            *["--segments", "online", "--threshold", "0.4", "--rest-speed", "0.3"],
+            *["--rest-duration", "0.05", "--min-duration", "0.02"],
             *["--hysteresis", "0.01", "--metric", "kinetic"],
         ],
         capsys,
@@ -143,13 +144,18 @@ def test_settings_of_the_segmentation_are_options(
     settings = {"rest": 0.3, "rest_duration": 0.05, "min_duration": 0.02, "hysteresis": 0.01}
     expected = go.segment(go.KineticEnergy(arm), motion, 0.4, **settings)
     assert len(expected) != len(go.segment(go.KineticEnergy(arm), motion, 0.4))
-    assert f"{len(expected)} geodesic synergies at a threshold of 0.4 rad" in text
+    assert f"{len(expected)} geodesic synergies explain" in text
+    assert "Cuts: online, rest 0.3, threshold 0.4, " in text
 
 
 def test_defaults_are_those_in_python() -> None:
     settings = AnalysisSettings()
     for function, names in (
         (go.segment, ("threshold", "rest_duration", "min_duration", "hysteresis")),
+        (
+            go.synergies.segment_developed,
+            ("deviation", "rest_duration", "min_duration", "max_duration"),
+        ),
         (
             go.synergies.segment_optimal,
             ("count", "penalty", "error", "measure", "spacing", "max_duration"),
@@ -165,14 +171,14 @@ def test_settings_come_from_a_file_and_options_go_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     toml, as_json, wrong = (tmp_path / name for name in ("s.toml", "s.json", "wrong.toml"))
-    toml.write_text('threshold = 0.4\nmargin = 0.02\nlimits = false\nunit = "cm"\n')
-    as_json.write_text('{"threshold": 0.4, "margin": 0.02, "limits": false, "unit": "cm"}')
+    toml.write_text('deviation = 0.05\nmargin = 0.02\nlimits = false\nunit = "cm"\n')
+    as_json.write_text('{"deviation": 0.05, "margin": 0.02, "limits": false, "unit": "cm"}')
     for file in (toml, as_json):
         command = ["retarget", "a.csv", "--robot", "panda", "--settings", str(file)]
         _, bound, _ = cli.new_app().parse_args([*command, "--margin", "0.03"])
         settings = bound.arguments["retargeting"]
         assert (settings.margin, settings.limits) == (0.03, False)
-        assert bound.arguments["analysis"] == AnalysisSettings(threshold=0.4, unit="cm")
+        assert bound.arguments["analysis"] == AnalysisSettings(deviation=0.05, unit="cm")
     for text, message in (
         ("treshold = 0.4\n", "unknown settings: 'treshold'"),
         ("threshold = \n", "is not a table of settings in JSON, TOML or YAML"),
@@ -189,6 +195,7 @@ def test_settings_come_from_a_file_and_options_go_first(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (["--threshold=0.4"], "threshold: for segments='online' only"),
         (["--measure=position"], "measure: for segments='optimal' only"),
         (["--spacing=0.1", "--error=0.1"], "error and spacing: for segments='optimal' only"),
         (["--segments=optimal", "--count=3", "--rest-speed=0.1"], "rest_speed: for segments="),
@@ -209,7 +216,7 @@ def test_optimal_segments_are_an_option(
     command = ["analyse", str(short_file), "--side", "left", "--segments", "optimal"]
     text = printed([*command, "--count", "3", "--metric", "euclidean"], capsys)
     assert "3 geodesic synergies explain the joints" in text
-    assert "threshold" not in text
+    assert "Cuts: optimal, count 3.\n" in text
     for wrong, message in (
         ([], "segments='optimal' needs one of count, penalty and error"),
         (["--count", "1000"], "1000"),
@@ -222,7 +229,7 @@ def test_optimal_segments_are_an_option(
 def test_height_comes_from_the_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     paper = ["--metric", "kinetic", "--savitzky-golay", "0.21", "--min-duration", "0"]
-    paper += ["--hysteresis", "0"]
+    paper += ["--hysteresis", "0", "--segments", "online"]
     assert cli.main(["analyse", str(file), *paper]) == 0
     text = capsys.readouterr().out
     assert "of subject_id_1229, height 1.83 m, mass 100 kg: 338 samples" in text
@@ -245,7 +252,7 @@ def test_demo_writes_to_its_default_folder(
         assert repr(model) == repr(bundled_analysis.model)
         assert model.mass == bundled_analysis.model.mass
         assert len(motion) == len(bundled_analysis.motion)
-        assert options == (0.6,)
+        assert not options
         return bundled_analysis
 
     def compare(
@@ -256,7 +263,7 @@ def test_demo_writes_to_its_default_folder(
         assert arguments == (model, motion)
         assert spacing == pytest.approx(0.1, rel=0.01)
         lines = {"straight lines": go.Euclidean(model.dof)}
-        return go.studies.compare_metrics(model, motion, lines, spacing=0.5, thresholds=())
+        return go.studies.compare_metrics(model, motion, lines, spacing=0.5, rules={})
 
     monkeypatch.setattr(analyse_recording, "analyse", analyse)
     monkeypatch.setattr(analyse_command, "compare_metrics", compare)
@@ -573,7 +580,7 @@ def test_demo_on_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.slow
 def test_both_arms_of_a_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
-    arguments = ["retarget", str(file), "--side", "both", "--threshold", "1.5", "--no-limits"]
+    arguments = ["retarget", str(file), "--side", "both", "--deviation", "0.1", "--no-limits"]
     code = cli.main([*arguments, "--robot", "xarm7", "--robot", "panda"])
     printed = capsys.readouterr()
     titles = "not for a robot:", "poses missed by more than the tolerance:"

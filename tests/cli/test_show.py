@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +143,21 @@ def test_what_analyse_wrote(show: Show, analysed: Path, capsys: pytest.CaptureFi
         ends = predicted.model.hand_pose(predicted.predicted.q[[0, -1]])[1]
         np.testing.assert_allclose(trail.points[[0, -1]], ends, atol=1e-6)
     assert "assumed" not in capsys.readouterr().out
+
+
+def test_cuts_have_the_marks_of_the_table_beside_them(
+    show: Show, analysed: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "synergies.json").write_bytes((analysed / "synergies.json").read_bytes())
+    times = [each.start_time for each in small_analysis().synergies[1:]]
+    rows = [
+        f"{time},{mark}\n" for time, mark in zip(times, cycle(["doubtful", "stable"]), strict=False)
+    ]
+    (tmp_path / "cuts.csv").write_text("".join(["cut [s],cut is\n", *rows]))
+    _, *spans = show(tmp_path).spans["synergies"]
+    assert [f"{span.start},{span.cut}\n" for span in spans] == rows
+    (tmp_path / "cuts.csv").write_text("cut [s],cut is\n0.123,stable\n")  # of another analysis
+    assert {span.cut for span in show(tmp_path).spans["synergies"]} == {None}
 
 
 @pytest.mark.slow

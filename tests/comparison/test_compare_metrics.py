@@ -14,7 +14,7 @@ import geodesic_ocp as go
 from geodesic_ocp.studies.compare_metrics import bayesian_information, noise_left
 from geodesic_ocp.trajectory.motion import bandwidth
 
-OPTIONS = {"spacing": 0.1, "thresholds": [0.6]}
+OPTIONS = {"spacing": 0.1, "rules": {"online": go.segment}}
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +66,9 @@ def test_the_online_rule_is_a_point_with_its_own_cuts(
         errors = go.synergies.motion_errors(
             arm, motion, go.synergies.reconstruct(metric, motion, segments).predicted
         )
-        ((threshold, *found),) = comparison.online[name].itertuples()
+        ((rule, *found),) = comparison.by_rule[name].itertuples()
         expected = [len(segments), errors.joint, errors.position, errors.orientation]
-        assert (threshold, found) == (0.6, expected)
+        assert (rule, found) == ("online", expected)
 
 
 def test_chosen_counts_can_be_refined(
@@ -102,14 +102,14 @@ def test_the_number_worth_having_is_that_of_a_motion_made_of_so_many(arm: go.Mod
             motion,
             {"lines": go.Euclidean(7)},
             spacing=0.1,
-            thresholds=[],
+            rules={},
             noise=noise,
             cutoff=50.0,
         )
         assert comparison.best_count("lines") == 4
     # Noise as large as the motion leaves nothing to explain.
     nothing = go.studies.compare_metrics(
-        arm, motion, {"lines": go.Euclidean(7)}, spacing=0.1, thresholds=[], noise=1.0
+        arm, motion, {"lines": go.Euclidean(7)}, spacing=0.1, rules={}, noise=1.0
     )
     assert nothing.best_count("lines") == 1
 
@@ -157,7 +157,7 @@ def test_without_metrics_three_are_compared(arm: go.Model, motion: go.Motion) ->
         arm, motion, **OPTIONS, progress=lambda label, done, total: seen.append(label)
     )
     names = ["kinetic energy with joint inertia", "kinetic energy", "straight lines"]
-    assert list(result.curves) == list(result.online) == names
+    assert list(result.curves) == list(result.by_rule) == names
     assert list(dict.fromkeys(seen)) == [f"{name}: planning segments" for name in names]
     stiff = go.KineticEnergy(arm.with_armature(go.manifold.default_joint_inertia(arm)))
     by_hand = go.synergies.optimal_segmentations(stiff, motion, spacing=0.1)
@@ -241,7 +241,7 @@ def test_joint_inertia_explains_recordings_better_than_straight_lines(
     }
     counts = [4, 8, 12, 16, 20, 24]
     comparison = go.studies.compare_metrics(
-        arm, motion, metrics, counts=counts, spacing=0.1, thresholds=[]
+        arm, motion, metrics, counts=counts, spacing=0.1, rules={}
     )
     inertia, links, lines = comparison.curves.values()
     assert np.all(inertia["joint"] < lines["joint"])

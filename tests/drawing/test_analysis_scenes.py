@@ -67,6 +67,17 @@ def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.Analysis)
         assert (span.name, span.start) == (str(number), synergy.start_time)
         assert span.stop - span.start == pytest.approx(synergy.duration)
         assert span.text == f"synergy {number} ({synergy.duration:.2f} s)"
+        assert span.cut is None
+
+
+def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.Analysis) -> None:
+    analysis = replace(bundled_analysis)  # which does not know yet
+    stable = analysis.uncertainty(5).stable
+    _, *spans = analysis_playback(analysis).spans["synergies"]
+    assert 0 < stable.sum() < len(stable)
+    for span, sure in zip(spans, stable, strict=True):
+        assert span.cut == ("stable" if sure else "doubtful")
+        assert span.text.endswith(f", {span.cut} cut before it")
 
 
 def test_every_other_prediction_is_a_layer_that_is_off_at_first(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def files_of(out: Path) -> dict[str, tuple[int, int]]:
 
 def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None:
     """In processes, as in this one."""
-    settings = AnalysisSettings(threshold=0.4)
+    settings = AnalysisSettings(deviation=0.03)
     seen: list[str] = []
     result = run(
         data,
@@ -65,7 +66,8 @@ def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None
     assert sorted(seen) == ["An/reach_1.csv", "An/reach_2.csv", "Bo/reach_1.csv"]
     file = data / "Bo" / "reach_1.csv"
     recording = read_recording(file)
-    analysis = go.analyse(recording.model, recording.motion, 0.4)
+    rule = partial(go.synergies.segment_developed, deviation=0.03)
+    analysis = go.analyse(recording.model, recording.motion, segments=rule)
     rows = by_file(result.recordings(), "Bo/reach_1.csv")
     second, noisy = (analysis.second_order_errors(unfiltered=of) for of in (False, True))
     errors_of = analysis.errors | {key_of(name): found for name, found in second.items()}
@@ -85,7 +87,7 @@ def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None
         assert expected is None or row["segments"] == expected
         assert (row["subject"], row["trial"], row["side"]) == ("Bob", "reach_1", "right")
         assert (row["height_m"], row["mass_kg"], row["samples"]) == (1.9, 70.0, 50)
-        assert row["threshold_rad"] == 0.4
+        assert row["cuts"] == "developed, deviation 0.03"
         assert row["metric"] == analysis.metric_name
     synergies = by_file(result.synergies(), "Bo/reach_1.csv")
     assert [row["synergy"] for row in synergies] == list(range(1, len(analysis.synergies) + 1))
@@ -100,7 +102,7 @@ def test_errors_of_a_recording_are_means_of_those_of_its_synergies(
     data: Path, tmp_path: Path
 ) -> None:
     """Over samples: neighbours share one, at which a geodesic has no error of the joints."""
-    result = run(data, tmp_path / "out", AnalysisSettings(metric="euclidean", threshold=0.2))
+    result = run(data, tmp_path / "out", AnalysisSettings(metric="euclidean", deviation=0.01))
     rows = result.recordings().query("method == 'riemannian' and file == 'An/reach_1.csv'")
     row, synergies = rows.iloc[0], result.synergies()
     own = synergies[synergies["recording"] == row["recording"]]
@@ -223,7 +225,7 @@ def test_what_has_changed_is_analysed_again(data: Path, tmp_path: Path) -> None:
     write_stroke(data / "An" / "reach_2.csv", 12)
     changed = run(data, out)
     assert (changed.analysed, changed.found) == (1, 2)
-    other = AnalysisSettings(metric="euclidean", threshold=0.3)
+    other = AnalysisSettings(metric="euclidean", segments="online")
     assert run(data, out, other).analysed == 3
     # What was there before is kept.
     assert run(data, out).analysed == 0

@@ -135,6 +135,19 @@ def test_recordings_that_were_cut_by_different_metrics_are_not_averaged(tmp_path
     assert len(study(tmp_path, by="metric").means("joint")) == 2
 
 
+@pytest.mark.parametrize("other", ["online", None])  # tables of earlier versions do not say
+def test_recordings_that_were_cut_by_different_rules_are_not_averaged(
+    tmp_path: Path, other: str | None
+) -> None:
+    first = rows_of("a", "Ann", {"riemannian": 1.0}, cuts="developed")
+    second = rows_of("b", "Bob", {"riemannian": 1.0}, **({"cuts": other} if other else {}))
+    write_table(tmp_path, "recordings", [*first, *second])
+    known = other or "not known"
+    with pytest.raises(go.RecordingError, match=f"cuts are developed in .* a, but {known} in b"):
+        study(tmp_path)
+    assert len(study(tmp_path, by="cuts").means("joint")) == 2
+
+
 @pytest.mark.parametrize(
     ("file", "names", "chosen"),
     [
@@ -179,7 +192,8 @@ def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) 
     with pytest.raises(ValueError, match="'trial' has 21 values, more than 20, such as 'r0', 'r1'"):
         study(tmp_path, by="trial")
     with pytest.raises(
-        ValueError, match="by must be a column, one of trial, side, metric, settings, got 'method'"
+        ValueError,
+        match="by must be a column, one of trial, side, metric, cuts, settings, got 'method'",
     ):
         study(tmp_path, by="method")
     with pytest.raises(ValueError, match="names: only for analyses"):

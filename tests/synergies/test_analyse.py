@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import dataclasses
 import importlib
-import inspect
 import itertools
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -165,8 +165,6 @@ def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.Analysis) -
     motion = go.read_motion(bundled_file)
     with pytest.raises(ValueError, match="there is no joint RSx_joint"):
         go.analyse(go.human_arm("right"), motion)
-    with pytest.raises(ValueError, match="threshold must be positive"):
-        go.analyse(bundled_analysis.model, motion, threshold=0.0)
     short = go.Motion(motion.time[:10], motion.q[:10], motion.joint_names)
     with pytest.raises(ValueError, match="too short to filter"):
         go.analyse(bundled_analysis.model, short)
@@ -193,7 +191,8 @@ def test_take_book_from_shelf(shared: Path) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arm = go.human_arm("right", 1.83, 100.0)
     motion = go.read_motion(file).filtered(window=21, order=2)
-    analysis = go.analyse(arm, motion, 0.6, metric="kinetic", min_duration=0.0, hysteresis=0.0)
+    rule = partial(go.segment, min_duration=0.0, hysteresis=0.0)
+    analysis = go.analyse(arm, motion, metric="kinetic", segments=rule)
     assert len(analysis.segments) == pytest.approx(20, rel=0.2)
     sampled = list(itertools.pairwise(SAMPLED_RULE))
     errors = go.analyse(arm, motion, metric="kinetic", segments=sampled).errors
@@ -338,27 +337,29 @@ def test_segments_can_be_given(planar: tuple[go.Model, go.Motion]) -> None:
     arm, motion = planar
     analysis = go.analyse(arm, motion, segments=[(0, 50), (50, 120)])
     assert analysis.segments == ((0, 50), (50, 120))
-    assert analysis.threshold is None
-    assert "threshold" not in repr(analysis)
+    assert analysis.cuts == "given"
     assert [(each.start, each.stop) for each in analysis.synergies] == [(0, 50), (50, 120)]
     with pytest.raises(ValueError, match="segments must cover samples 0 to 120"):
         go.analyse(arm, motion, segments=[(0, 50), (60, 120)])
 
 
-def test_settings_of_the_segmentation_are_passed_on(planar: tuple[go.Model, go.Motion]) -> None:
+def test_a_motion_is_cut_by_a_function_that_is_named(planar: tuple[go.Model, go.Motion]) -> None:
     arm, motion = planar
     motion = motion.filtered()
     metric = go.KineticEnergy(arm)
-    for settings in (
-        {"rest": 0.4, "rest_duration": 0.05},
-        {"min_duration": 0.0, "hysteresis": 0.0},
+    developed = go.synergies.segment_developed
+    assert go.analyse(arm, motion, metric=metric).cuts == "developed"
+    for rule, name in (
+        (developed, "developed"),
+        (partial(developed, deviation=0.02, rest=0.02), "developed, deviation 0.02"),
+        (go.segment, "online"),
+        (partial(go.segment, rest=0.4, threshold=0.2), "online, rest 0.4, threshold 0.2"),
+        (lambda metric, motion: [(0, len(motion) - 1)], "<lambda>"),
     ):
-        analysis = go.analyse(arm, motion, 0.2, metric=metric, **settings)
-        assert list(analysis.segments) == go.segment(metric, motion, 0.2, **settings)
-    assert list(go.analyse(arm, motion, metric=metric).segments) == go.segment(metric, motion)
-    defaults = [inspect.signature(function).parameters for function in (go.segment, go.analyse)]
-    for name in ("threshold", "rest", "rest_duration", "min_duration", "hysteresis"):
-        assert defaults[0][name].default == defaults[1][name].default
+        analysis = go.analyse(arm, motion, metric=metric, segments=rule)
+        assert list(analysis.segments) == rule(metric, motion)
+        assert analysis.cuts == name
+        assert f"synergies, {name}," in repr(analysis)
 
 
 def test_errors_against_the_recording_as_it_is(planar: tuple[go.Model, go.Motion]) -> None:

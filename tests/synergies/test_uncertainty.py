@@ -50,7 +50,7 @@ def test_the_spread_is_that_of_fresh_noise() -> None:
 
 def test_an_analysis_has_a_spread_that_depends_on_its_seed_alone() -> None:
     motion = recorded(3, 1e-3)
-    for segments in (None, partial(go.synergies.segment_developed, deviation=0.1)):
+    for segments in (go.segment, partial(go.synergies.segment_developed, deviation=0.1)):
         analysis = go.analyse(ARM, motion, metric=METRIC, segments=segments)
         spread = analysis.uncertainty(10)
         assert spread is analysis.uncertainty(10)

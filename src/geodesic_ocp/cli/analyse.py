@@ -237,7 +237,8 @@ def _summarize(
         print(f"Outliers: {'; '.join(map(str, motion.outliers))}.")
     if range_of_motion(motion) < PASSIVE:
         print(f"Note: {PASSIVE_REASON}; is the other arm meant (--side)?")
-    print(f"Metric: {analysis.metric_name}. Cuts: {analysis.cuts}.")
+    print(f"Metric: {analysis.metric_name}.")
+    print(f"Cuts: {analysis.cuts}.")
     errors = analysis.errors["riemannian"]
     print(
         f"{len(analysis.synergies)} geodesic synergies explain the joints to "

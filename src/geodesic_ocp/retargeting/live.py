@@ -70,8 +70,9 @@ class LiveRetargeting:
     `delay`, and by more where the limits do not allow the person's speed. Torques are reported
     (`LiveCommand.torque`) and not limited; the speed of the hand, and distances between links or to
     obstacles, are not considered. At the beginning, and after a gap, a parallel gripper takes the
-    nearer one of both grasps. Synergies of the person are closed as soon as the rule of `segment`
-    is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
+    nearer one of both grasps. Synergies of the person are those of the online rule (`segment`), as
+    `segment_developed` needs the whole motion. They are closed as soon as it is certain (`cuts`):
+    0.1 s after they end, mostly, and the filter's 0.1 s.
 
     >>> import numpy as np, geodesic_ocp as go
     >>> person, robot = go.human_arm("right"), go.human_arm("right", height=1.95)
@@ -90,7 +91,7 @@ class LiveRetargeting:
         settings: settings, of which `scale`, `mirror` and whether positions and orientations count
             are used.
         rate: of the samples and of the commands [Hz].
-        threshold: threshold of the synergies [rad], see `segment`.
+        threshold: threshold of the online rule [rad], see `segment`.
 
     Attributes:
         delay: delay of the command, by its averages [s].
