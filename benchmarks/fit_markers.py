@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -191,13 +192,15 @@ def analyses(motions: dict[str, tuple[go.Model, go.Motion]]) -> DataFrame:
         for metric, threshold in SETTINGS:
             for name, (model, motion) in filtered.items():
                 try:
-                    found = go.analyse(model, motion, threshold, metric=metric)  # type: ignore[arg-type]
+                    rule = partial(go.segment, threshold=threshold)
+                    found = go.analyse(model, motion, metric=metric, segments=rule)  # type: ignore[arg-type]
                 except go.NotConverged as failure:
                     print(f"{name}, {metric}, {how}: {failure}")
                     continue
                 add(name, how, f"{metric}, threshold {threshold}", found)
         arm, recorded = filtered["database"]
-        cuts = go.analyse(arm, recorded, 0.3, metric="kinetic").segments
+        rule = partial(go.segment, threshold=0.3)
+        cuts = go.analyse(arm, recorded, metric="kinetic", segments=rule).segments
         for name, (model, motion) in filtered.items():
             same = go.analyse(model, motion, segments=cuts, metric="kinetic")
             add(name, how, "kinetic, the database's cuts at 0.3", same)
