@@ -89,7 +89,10 @@ def test_results_of_other_recordings_are_counted(tmp_path: Path) -> None:
     assert again.others == 1
     again = run(tmp_path / "data" / "first.csv", tmp_path / "out")
     assert (again.found, again.others) == (1, 2)
-    words = "2 other results in the folder are not of these recordings and in none of the tables."
+    words = (
+        "2 other results in the folder are of other recordings, settings or versions, and in none "
+        "of the tables."
+    )
     assert words in again.notes
     assert words in (tmp_path / "out" / "summary.md").read_text()
 

@@ -50,7 +50,8 @@ class BatchResult:
         warned: those with a result whose analysis gave warnings.
         seconds: seconds that the run took.
         files: files of the tables and the summary.
-        others: number of results in the folder that are not of these recordings, and in no table.
+        others: number of results in the folder that are of other recordings, settings or versions,
+            and in no table.
         notes: what the tables rest on, in sentences: subjects named after files, assumed heights.
     """
 

@@ -237,7 +237,7 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
 
     Args:
         rows: rows of the table of recordings.
-        others: number of results in the folder that are not of these recordings.
+        others: number of results in the folder that are of other recordings or settings.
     """
     recordings = list({row["recording"]: row for row in rows}.values())
     of_all = f"of {len(recordings)} recordings"
@@ -274,7 +274,10 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             )
     if others:
         many = "s in the folder are" if others > 1 else " in the folder is"
-        yield f"{others} other result{many} not of these recordings and in none of the tables."
+        yield (
+            f"{others} other result{many} of other recordings, settings or versions, and in none "
+            "of the tables."
+        )
 
 
 def _is_passive(row: Row) -> bool:
