@@ -141,7 +141,7 @@ def test_both_hands_of_a_person_are_shown() -> None:
     q = angles(person, time)
     motion = go.Motion(time, q, person.joint_names, np.gradient(q, time, axis=0))
     playback = analysis_playback(
-        go.analyse(person, motion, "euclidean", segments=[(0, 15), (15, 30)])
+        go.analyse(person, motion, metric="euclidean", segments=[(0, 15), (15, 30)])
     )
     (scene,) = playback.scenes
     names = {trail.name for trail in scene.trails if trail.layer == "hand path"}
