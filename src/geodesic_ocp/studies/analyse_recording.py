@@ -71,16 +71,18 @@ def read_by_settings(
     mass: float | None,
     *,
     one_of_many: bool = False,
+    part: int | None = None,
 ) -> Recording:
     """Read a recording as the settings say, with a height [m] and mass [kg] of the person.
 
     One of many may have another format than those to which convention, skeleton, unit, rate and up
-    apply, which are then left out.
+    apply, which are then left out. A part of it takes the place of that of the settings.
 
     Raises:
         RecordingError, ValueError, ImportError: as `read_recording`.
     """
     stated = settings.reading()
+    stated["part"] = part or stated["part"]
     if one_of_many:
         stated = that_apply(path, stated)
     return read_recording(
@@ -189,7 +191,9 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
     """Return the record of the result and the text of the synergies' file."""
     source, settings = task.source, task.settings
     height, mass = stature(settings, source)
-    recording = read_by_settings(source.path, source.side, settings, height, mass, one_of_many=True)
+    recording = read_by_settings(
+        source.path, source.side, settings, height, mass, one_of_many=True, part=source.part
+    )
     analysis = analyse_recording(recording, settings)
     spread = analysis.uncertainty() if settings.uncertainty else None
     motion = analysis.motion

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
+from geodesic_ocp.recordings.read_recording import that_apply
+from geodesic_ocp.recordings.read_recordings import parts_of
 from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import in_executor, in_processes, usable_cores
@@ -173,7 +175,12 @@ def analyse_recordings(
     start = time.perf_counter()
     folder = Path(os.path.abspath(out))
     own = {folder / f"{name}.csv" for name in TABLES}  # of a run in the recordings' folder
-    sources = [source for source in sources if source.path not in own]
+    sources = [
+        replace(source, part=part)
+        for source in sources
+        if source.path not in own
+        for part in _parts(source, settings)
+    ]
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
     found: dict[str, RecordingOutcome] = {}
     report = progress or no_progress
@@ -205,6 +212,12 @@ def analyse_recordings(
         seconds=time.perf_counter() - start,
         files=written,
     )
+
+
+def _parts(source: RecordingSource, settings: AnalysisSettings) -> Sequence[int | None]:
+    if settings.fill is None or source.problem:  # without reading the file
+        return (None,)
+    return parts_of(source.path, source.side, that_apply(source.path, settings.reading()))
 
 
 def _run(

@@ -106,7 +106,7 @@ _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
 
 
 def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
-    """Return 32 digits that change with file content, side, settings and package.
+    """Return 32 digits that change with file content, part, side, settings and package.
 
     With an AMC file, also with the skeletons (.asf) beside it.
 
@@ -122,6 +122,7 @@ def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
             while block := stream.read(1 << 20):
                 digest.update(block)
     known = [source.side, source.height, source.mass, settings.digest(), version("geodesic_ocp")]
+    known += [] if source.part is None else [source.part]
     digest.update(json.dumps(known).encode())
     return digest.hexdigest()[:32]
 
@@ -129,7 +130,8 @@ def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
 def result_name(source: RecordingSource, key: str) -> str:
     """Return name of the file of a result."""
     stem = re.sub(r"[^\w.-]+", "_", source.path.stem)[:100]
-    return f"{stem}-{source.side}-{key}.json"
+    part = "" if source.part is None else f"-part{source.part}"
+    return f"{stem}{part}-{source.side}-{key}.json"
 
 
 def results_by_key(folder: Path) -> dict[str, Path]:
@@ -248,10 +250,10 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             "them: recordings of one person would count as several subjects. State the subjects "
             "with a table (--subjects) or by the paths (--subject-from)."
         )
-    by_name: dict[tuple[str, str], list[str]] = {}
+    by_name: dict[tuple[str, str], set[str]] = {}
     for row in recordings:
         name = str(row["file"]).rpartition(".")[0]
-        by_name.setdefault((name, str(row["side"])), []).append(str(row["file"]))
+        by_name.setdefault((name, str(row["side"])), set()).add(str(row["file"]))
     twice = sorted({", ".join(sorted(each)) for each in by_name.values() if len(each) > 1})
     if twice:
         yield (
