@@ -49,6 +49,17 @@ def files_of(out: Path) -> dict[str, tuple[int, int]]:
     }
 
 
+def test_figures_are_drawn_on_request(data: Path, tmp_path: Path) -> None:
+    """Also of recordings that were analysed without."""
+    counts = [
+        (each.analysed, each.found)
+        for each in (run(data, tmp_path, figures=figures) for figures in (False, True, True))
+    ]
+    assert counts == [(3, 0), (3, 0), (0, 3)]
+    results = [each.stem for each in (tmp_path / "results").glob("*[0-9a-f].json")]
+    assert sorted(results) == sorted(each.stem for each in (tmp_path / "results").glob("*.png"))
+
+
 def test_parts_between_long_gaps_are_recordings(data: Path, tmp_path: Path) -> None:
     """With `fill`; also when the run goes on from its results."""
     file = write_stroke(data / "An" / "reach_2.csv", 2, duration=2.0)

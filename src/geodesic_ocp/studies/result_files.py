@@ -51,6 +51,7 @@ class RecordingTask:
         key: key of the result, see `result_key`.
         time_limit: time limit of the process that analyses it [s], or None.
         fit: whether the result has the profile of the joint inertia.
+        figure: whether it has a figure.
     """
 
     source: RecordingSource
@@ -59,6 +60,7 @@ class RecordingTask:
     key: str
     time_limit: float | None = None
     fit: bool = False
+    figure: bool = False
 
     def __repr__(self) -> str:
         return f"RecordingTask({self.source.name!r}, {self.key[:8]})"
@@ -150,20 +152,26 @@ def write_result(path: Path, record: dict[str, Any]) -> None:
     write_file(path, text, lasting=True)
 
 
-def read_result(path: Path, fit: bool = False) -> dict[str, Any] | None:
+def read_result(path: Path, fit: bool = False, figure: bool = False) -> dict[str, Any] | None:
     """Return the record of a result; None if the file is missing, damaged or of another version.
 
     Args:
         path: path of the file.
         fit: also None if the result has no profile of the joint inertia.
+        figure: also None if it has no figure.
     """
     try:
         record = read_record(path, FORMAT, VERSION, "a result")
     except RecordingError:
         return None
-    if fit and "profiles" not in record:
+    if (fit and "profiles" not in record) or (figure and not figure_file(path).is_file()):
         return None
     return record if record.pop("checksum", None) == _checksum(record) else None
+
+
+def figure_file(path: Path) -> Path:
+    """Return the path of the figure that belongs to the file of a result."""
+    return path.with_suffix(".png")
 
 
 def _checksum(record: dict[str, Any]) -> str:
