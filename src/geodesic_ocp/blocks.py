@@ -106,10 +106,14 @@ class Terms:
             found = function.map(len(z)).call([ca.DM(z.T), ca.DM(every.T)])
             return [each.full().T for each in found]
         z = np.ascontiguousarray(z, dtype=float)
-        outputs = [np.empty((len(z), function.numel_out(k))) for k in range(function.n_out())]
-        steps = [self.size, self.size_p * (p.ndim - 1)], [each.shape[1] for each in outputs]
-        pointers = (_pointers([z, p], function.sz_arg()), _pointers(outputs, function.sz_res()))
-        work, begin = np.empty(function.sz_w() + 1), time.perf_counter()
+        if name not in self._sizes:
+            every = [function.numel_out(k) for k in range(function.n_out())]
+            self._sizes[name] = every, (function.sz_arg(), function.sz_res(), function.sz_w())
+        sizes, (arguments, results, numbers) = self._sizes[name]
+        outputs = [np.empty((len(z), size)) for size in sizes]
+        steps = [self.size, self.size_p * (p.ndim - 1)], sizes
+        pointers = _pointers([z, p], arguments), _pointers(outputs, results)
+        work, begin = np.empty(numbers + 1), time.perf_counter()
         handle.many(
             *(getattr(handle, name), ctypes.c_longlong(len(z)), 2, len(outputs)),
             *(each for pair in zip(pointers, map(_steps, steps), strict=True) for each in pair),
@@ -137,6 +141,10 @@ class Terms:
 
     @cached_property
     def _libraries(self) -> dict[str, Library | None]:
+        return {}
+
+    @cached_property
+    def _sizes(self) -> dict[str, tuple[list[int], tuple[int, int, int]]]:
         return {}
 
     @cached_property

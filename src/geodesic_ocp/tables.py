@@ -37,15 +37,6 @@ def new_table(header: Sequence[str], rows: Iterable[Sequence[Any]], note: str = 
     return table
 
 
-def in_degrees(table: DataFrame) -> DataFrame:
-    """Return a table whose columns "... [rad]" are "... [deg]"."""
-    angles = [name for name in table.columns if str(name).endswith("[rad]")]
-    found = table.assign(**{name: np.degrees(table[name].astype(float)) for name in angles})
-    found = found.rename(columns={name: name.replace("[rad]", "[deg]") for name in angles})
-    found.attrs = dict(table.attrs)
-    return found
-
-
 def text(table: DataFrame) -> str:
     """Return the table for a terminal, with its note."""
     return _tabulated(table, "simple")

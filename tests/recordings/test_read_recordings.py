@@ -186,7 +186,7 @@ def test_a_joint_beyond_its_limits_for_long_is_asked_about(folder: Path) -> None
     q = swing(0.3)
     q[:, 0] = -1.9
     file = write(folder / "back.csv", q)
-    with pytest.warns(RuntimeWarning, match=r"RSx_joint reaches -109 deg .* another sign"):
+    with pytest.warns(RuntimeWarning, match=r"RSx_joint reaches -109 .* right swapped"):
         read_recording(file)
     q[20:, 0] = 0.0
     q[:20, 0] = -1.9 * np.cos(np.linspace(0.0, np.pi / 2.0, 20))

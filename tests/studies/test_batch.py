@@ -50,6 +50,33 @@ def files_of(out: Path) -> dict[str, tuple[int, int]]:
     }
 
 
+def test_figures_are_drawn_on_request(data: Path, tmp_path: Path) -> None:
+    """Also of recordings that were analysed without."""
+    counts = [
+        (each.analysed, each.found)
+        for each in (run(data, tmp_path, figures=figures) for figures in (False, True, True))
+    ]
+    assert counts == [(3, 0), (3, 0), (0, 3)]
+    results = [each.stem for each in (tmp_path / "results").glob("*[0-9a-f].json")]
+    assert sorted(results) == sorted(each.stem for each in (tmp_path / "results").glob("*.png"))
+
+
+def test_parts_between_long_gaps_are_recordings(data: Path, tmp_path: Path) -> None:
+    """With `fill`; also when the run goes on from its results."""
+    file = write_stroke(data / "An" / "reach_2.csv", 2, duration=2.0)
+    lines = file.read_text().splitlines()
+    middle = len(lines) // 2
+    for row in range(middle, middle + 25):
+        lines[row] = lines[row].rpartition(",")[0] + ","
+    file.write_text("\n".join(lines))
+    settings = AnalysisSettings(metric="euclidean", fill=0.1)
+    found = [run(data, tmp_path / "out", settings) for _ in range(2)]
+    assert [(each.analysed, each.found) for each in found] == [(4, 0), (0, 4)]
+    names = {f"An/reach_2.csv, part {part}, right" for part in (1, 2)}
+    assert names <= {*found[1].recordings()["recording"]}
+    assert not any("twice" in note for note in found[1].notes)
+
+
 def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None:
     """In processes, as in this one."""
     settings = AnalysisSettings(deviation=0.03)

@@ -38,10 +38,25 @@ def test_synergies_are_a_motion_again(bundled_analysis: go.Analysis) -> None:
 
 
 def test_tables_in_degrees(bundled_analysis: go.Analysis) -> None:
-    radians, degrees = bundled_analysis.table(), bundled_analysis.table(degrees=True)
+    radians = bundled_analysis.table()
+    degrees = go.drawing.in_degrees(radians)
     assert list(degrees.columns) == [name.replace("[rad]", "[deg]") for name in radians.columns]
     np.testing.assert_allclose(degrees["joints [deg]"], np.degrees(radians["joints [rad]"]))
     assert degrees["hand [m]"].equals(radians["hand [m]"])
+
+
+def test_figures_in_degrees(bundled_analysis: go.Analysis) -> None:
+    """Labels and ticks, and what is written beside a line that leaves the panel."""
+    radians = bundled_analysis.plot().axes[1]
+    degrees = go.drawing.in_degrees(bundled_analysis.plot()).axes[1]
+    assert degrees.get_ylabel() == radians.get_ylabel().replace("[rad]", "[deg]")
+    text = degrees.yaxis.get_major_formatter()
+    assert [text(each) for each in np.radians([0.0, 2.0])] == ["0", "2"]
+    assert np.degrees(degrees.get_yticks()) == pytest.approx(
+        np.degrees(degrees.get_yticks()).round()
+    )
+    (peaks, found) = ([float(each.get_text()[6:]) for each in a.texts] for a in (radians, degrees))
+    assert found == pytest.approx(np.degrees(peaks), rel=0.01)
 
 
 def test_another_metric_is_noticed(bundled_analysis: go.Analysis, tmp_path: Path) -> None:

@@ -10,7 +10,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from geodesic_ocp.cli.options import (
     AnalysisOptions,
@@ -21,6 +23,7 @@ from geodesic_ocp.cli.options import (
 )
 from geodesic_ocp.cli.study import study
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
+from geodesic_ocp.drawing.styles import in_degrees
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.human import human_arm
@@ -43,6 +46,9 @@ from geodesic_ocp.studies.study_tables import PARQUET_HINT, has_parquet
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import markdown, text
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 _SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most
 
 
@@ -53,6 +59,7 @@ def analyse(
     side: Sides = "right",
     curve: Flag = False,
     out: Path | None = None,
+    degrees: Flag = False,
     settings: Path | None = None,
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
     many: ManyOptions = ManyRecordings(),  # noqa: B008
@@ -66,6 +73,7 @@ def analyse(
         side: the arm.
         curve: also compare metrics at equal numbers of synergies, each with its best cuts.
         out: folder for tables, figures and synergies.
+        degrees: state angles in degrees, in tables and figures of one recording.
         settings: file (.toml, .json) of any of these options, such as deviation = 0.05.
     """
     del settings
@@ -75,8 +83,8 @@ def analyse(
     recording = Path(file[0])
     for each in each_side(side):
         folder = out / each if out is not None and side == "both" else out
-        found = analyse_file(recording, each, analysis, folder)
-        save_analysis(found, folder, analysis, with_curve=curve)
+        found = analyse_file(recording, each, analysis, folder, degrees)
+        save_analysis(found, folder, analysis, with_curve=curve, degrees=degrees)
         if side == "both":
             print()
     named = f"{shlex.quote(str(recording))} --side {side}"
@@ -88,7 +96,11 @@ def analyse(
 
 
 def analyse_file(
-    file: Path, side: Sides, settings: AnalysisSettings, folder: Path | None = None
+    file: Path,
+    side: Sides,
+    settings: AnalysisSettings,
+    folder: Path | None = None,
+    degrees: bool = False,
 ) -> Analysis:
     """Analyse one arm of the recording in a file, or both as one model, and print the results.
 
@@ -97,6 +109,7 @@ def analyse_file(
         side: the arm, or "both".
         settings: settings of the analysis.
         folder: folder for the fit to markers, if the recording has markers.
+        degrees: print angles in degrees.
 
     Raises:
         RecordingError: the file cannot be read, or has no arm of that side.
@@ -113,7 +126,7 @@ def analyse_file(
         raise
     if recording.fit is not None:
         _show_fit(recording.fit, folder)
-    return _analysed(recording, settings, str(file))
+    return _analysed(recording, settings, str(file), degrees)
 
 
 def save_analysis(
@@ -122,6 +135,7 @@ def save_analysis(
     settings: AnalysisSettings,
     *,
     with_curve: bool = False,
+    degrees: bool = False,
 ) -> None:
     """Write the analysis to a folder, if one is given, and print the names of the files.
 
@@ -130,6 +144,7 @@ def save_analysis(
         folder: folder for the files.
         settings: those of the analysis.
         with_curve: also compute the curve of the error against the number of synergies.
+        degrees: state angles in degrees.
     """
     comparison = _error_curve(analysis, settings) if with_curve else None
     if folder is not None:
@@ -138,6 +153,7 @@ def save_analysis(
             curve=comparison.draw if comparison else None,
             effort=settings.effort,
             uncertainty=analysis.uncertainty() if settings.uncertainty else None,
+            degrees=degrees,
         )
         if comparison is not None:
             written += comparison.save(folder / "curve")
@@ -200,20 +216,26 @@ def analysed(recording: Recording, settings: AnalysisSettings, name: str) -> Ana
         raise ValueError(f"{name}: {error}") from None
 
 
-def _analysed(recording: Recording, settings: AnalysisSettings, file: str) -> Analysis:
+def _analysed(
+    recording: Recording, settings: AnalysisSettings, file: str, degrees: bool = False
+) -> Analysis:
     """Analyse a recording, and print the results."""
     start = time.perf_counter()
     analysis = analysed(recording, settings, file)
-    _summarize(analysis, settings, time.perf_counter() - start, recording.fit)
+    _summarize(analysis, settings, time.perf_counter() - start, recording.fit, degrees)
     if settings.uncertainty:
         with progress() as bar:
             spread = analysis.uncertainty(progress=bar)
-        print(f"\n{text(spread.table())}")
+        print(f"\n{_text(spread.table(), degrees)}")
     return analysis
 
 
 def _summarize(
-    analysis: Analysis, settings: AnalysisSettings, seconds: float, fit: MarkerFit | None
+    analysis: Analysis,
+    settings: AnalysisSettings,
+    seconds: float,
+    fit: MarkerFit | None,
+    degrees: bool,
 ) -> None:
     motion, subject = analysis.motion, analysis.motion.subject
     height, mass = stature_of(subject, settings.height, settings.mass)
@@ -240,18 +262,23 @@ def _summarize(
     print(f"Metric: {analysis.metric_name}.")
     print(f"Cuts: {analysis.cuts}.")
     errors = analysis.errors["riemannian"]
+    joint = f"{np.degrees(errors.joint):.1f} deg" if degrees else f"{errors.joint:.3f} rad"
     print(
-        f"{len(analysis.synergies)} geodesic synergies explain the joints to "
-        f"{errors.joint:.3f} rad and the hand to {1000 * errors.position:.0f} mm on average "
+        f"{len(analysis.synergies)} geodesic synergies explain the joints to {joint} "
+        f"and the hand to {1000 * errors.position:.0f} mm on average "
         f"(found in {seconds:.1f} s)"
     )
     kind = "filtered" if motion.filter else "observed" if fit is None else "fitted"
-    print(f"\nmean errors against the {kind} recording\n\n{text(analysis.table())}")
-    second = text(analysis.second_order(effort=settings.effort))
+    print(f"\nmean errors against the {kind} recording\n\n{_text(analysis.table(), degrees)}")
+    second = _text(analysis.second_order(effort=settings.effort), degrees)
     print(f"\nthe same segments with velocities at their ends, or as splines\n\n{second}")
     if analysis.errors_unfiltered:  # not without a filter
-        table = analysis.table(unfiltered=True)
-        print(f"\nmean errors against the unfiltered recording\n\n{text(table)}")
+        table = _text(analysis.table(unfiltered=True), degrees)
+        print(f"\nmean errors against the unfiltered recording\n\n{table}")
+
+
+def _text(table: DataFrame, degrees: bool) -> str:
+    return text(in_degrees(table) if degrees else table)
 
 
 def _error_curve(analysis: Analysis, settings: AnalysisSettings) -> MetricComparison:

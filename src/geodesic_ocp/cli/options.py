@@ -179,6 +179,7 @@ class ManyRecordings:
         time_limit: time after which a recording is left out [s]; not with --scheduler.
         study: also fit the joint inertia of every subject, and write the statistics over subjects
             (see `geodesic-ocp study`) to the folder study of the results.
+        figures: also draw a figure of every recording, in the folder results.
         tables_only: only write the tables from the results so far, also while another run works.
     """
 
@@ -189,6 +190,7 @@ class ManyRecordings:
     subject_from: str | None = None
     time_limit: float | None = None
     study: Flag = False
+    figures: Flag = False
     tables_only: Flag = False
 
     def given(self) -> dict[str, Any]:

@@ -214,6 +214,8 @@ class Library:
         if self._loaded is None or not self._untried:
             return
         self._not_noted += seconds
+        if self._not_noted <= _NOTEWORTHY and self._used <= _WORTHWHILE:
+            return
         file = Path(self._loaded[0]._name)
         if self._not_noted > _NOTEWORTHY:
             noted, self._not_noted = self._not_noted, 0.0

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 
@@ -116,6 +117,56 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def in_degrees(shown: Any) -> Any:
+    """Return a table or a figure with its angles in degrees instead of radians.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> analysis = go.analyse(arm, go.Motion(motion.time[:150], motion.q[:150], arm.joint_names))
+    >>> go.drawing.in_degrees(analysis.table()).columns[1]
+    'joints [deg]'
+    >>> figure = go.drawing.in_degrees(analysis.plot())
+    >>> figure.axes[1].get_ylabel()
+    'joints [deg]'
+
+    Args:
+        shown: a table with columns "... [rad]", of which a new one is returned; or a figure with
+            axes labelled "... [rad]" or "... [mrad]", whose labels and ticks are changed.
+    """
+    if hasattr(shown, "columns"):
+        angles = [name for name in shown.columns if str(name).endswith("[rad]")]
+        found = shown.assign(**{name: np.degrees(shown[name].astype(float)) for name in angles})
+        found = found.rename(columns={name: name.replace("[rad]", "[deg]") for name in angles})
+        found.attrs = dict(shown.attrs)
+        return found
+    for axes in shown.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            for unit, size in (("[rad]", 1.0), ("[mrad]", 1e-3)):
+                if unit in axis.get_label_text():
+                    axis.set_label_text(axis.get_label_text().replace(unit, "[deg]"))
+                    _mark_degrees(axis, size)
+                    for each in axes.texts if axis is axes.yaxis else ():
+                        word, _, peak = each.get_text().rpartition(" ")
+                        if word == "up to":  # of a line that leaves the panel
+                            each.set_text(f"{word} {np.degrees(size * float(peak)):.3g}")
+    return shown
+
+
+def _mark_degrees(axis: Axis, size: float) -> None:
+    """Mark degrees on an axis whose values are in a unit of this size [rad]."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    class Degrees(MaxNLocator):
+        def tick_values(self, vmin: float, vmax: float) -> Any:
+            low, high = np.degrees([size * vmin, size * vmax])
+            return np.radians(super().tick_values(low, high)) / size
+
+    axis.set_major_locator(Degrees(nbins=6, steps=[1, 2, 3, 5, 10]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{np.degrees(size * value):.4g}"))
 
 
 def save_figure(figure: Figure, folder: Path, name: str = "figure", dpi: float = 150.0) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis
 from geodesic_ocp.recordings.read_recording import (
     check_arguments,
+    read_motion,
     read_recording,
     that_apply,
 )
@@ -178,19 +179,13 @@ def read_recordings(
     found: list[tuple[Path, Recording]] = []
     reasons: list[str] = []
     for file in recording_files(paths, recursive=recursive):
-        given = numbers | that_apply(file, stated)
-        try:
+        given = that_apply(file, stated)
+        for number in parts_of(file, side, given):
             try:
-                recordings = [read_recording(file, side, **given)]
-            except Gaps as gaps:
-                if fill is None or not gaps.parts:
-                    raise
-                numbered = range(1, len(gaps.parts) + 1)
-                recordings = [read_recording(file, side, **(given | {"part": k})) for k in numbered]
-        except (ValueError, NotConverged) as failure:
-            reasons.append(_with_name(file, str(failure)))
-            continue
-        for recording in recordings:
+                recording = read_recording(file, side, **(numbers | given | {"part": number}))
+            except (ValueError, NotConverged) as failure:
+                reasons.append(_with_name(file, str(failure)))
+                continue
             same = [other for other, its in found if _is_same(recording.motion, its.motion)]
             if same:
                 reasons.append(f"{file}: holds the same motion as {same[0]}")
@@ -201,6 +196,29 @@ def read_recordings(
     for reason in reasons:
         warnings.warn(f"left out: {reason}", stacklevel=2)
     return tuple(recording for _, recording in found)
+
+
+def parts_of(file: Path, side: Side, stated: Mapping[str, Any]) -> Sequence[int | None]:
+    """Return numbers of the parts of a table between gaps that are longer than `fill`.
+
+    (None,) of a file that is read as a whole, or that cannot be read.
+
+    Args:
+        file: to read.
+        side: of the arm.
+        stated: arguments of `read_recording` that apply to the file.
+    """
+    if stated.get("fill") is None or stated.get("part") is not None:
+        return (stated.get("part"),)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # whoever reads it tells
+            read_motion(file, human_arm(side).joint_names, **stated)
+    except Gaps as gaps:
+        return range(1, len(gaps.parts) + 1) or (None,)
+    except ValueError:
+        pass
+    return (None,)
 
 
 def _with_name(file: Path, reason: str) -> str:

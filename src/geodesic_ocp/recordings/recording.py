@@ -91,7 +91,7 @@ def check_plausible(model: Model, motion: Motion) -> None:
         if outside[worst, column] > _FAR_OUTSIDE:
             raise ValueError(
                 f"{joint} is {q[worst]:.6g} at sample {worst}, far outside its limits "
-                f"{low:.3g} to {high:.3g}: another unit, or a spike?"
+                f"{low:.3g} to {high:.3g}: another unit, left and right swapped, or a spike?"
             )
         if abs(q[jump + 1] - q[jump]) > _FAR_OUTSIDE:
             raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
@@ -132,8 +132,9 @@ def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
             )
     if found:
         warnings.warn(
-            f"{name}: {'; '.join(found)}: has the file another convention, or a joint another sign "
-            "than assumed? Such as an elevation written as a positive number",
+            f"{name}: {'; '.join(found)}: has the file another convention, are left and right "
+            "swapped, or has a joint another sign than assumed? Such as an elevation written as a "
+            "positive number",
             RuntimeWarning,
             stacklevel=3,
         )

@@ -28,7 +28,8 @@ class RecordingSettings:
         amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
         columns: file (.csv) that says which columns of a table are which joints; its columns are
             ours, theirs, sign, unit and offset.
-        fill: longest gap of a table that is bridged [s]; default: none may be.
+        fill: longest gap of a table that is bridged [s]; of many recordings, parts between longer
+            ones are recordings of their own; default: no gap may be.
         part: number of a part of a table between longer gaps, from 1.
 
     Raises:

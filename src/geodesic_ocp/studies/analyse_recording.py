@@ -24,7 +24,7 @@ from geodesic_ocp.model.anthropometry import Sides
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recording import read_recording, that_apply
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.records import write_file
+from geodesic_ocp.records import replacing, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.joint_inertias import profile_rows
 from geodesic_ocp.studies.result_files import (
@@ -33,6 +33,7 @@ from geodesic_ocp.studies.result_files import (
     OutcomeKind,
     RecordingOutcome,
     RecordingTask,
+    figure_file,
     read_result,
     result_name,
     write_result,
@@ -71,16 +72,18 @@ def read_by_settings(
     mass: float | None,
     *,
     one_of_many: bool = False,
+    part: int | None = None,
 ) -> Recording:
     """Read a recording as the settings say, with a height [m] and mass [kg] of the person.
 
     One of many may have another format than those to which convention, skeleton, unit, rate and up
-    apply, which are then left out.
+    apply, which are then left out. A part of it takes the place of that of the settings.
 
     Raises:
         RecordingError, ValueError, ImportError: as `read_recording`.
     """
     stated = settings.reading()
+    stated["part"] = part or stated["part"]
     if one_of_many:
         stated = that_apply(path, stated)
     return read_recording(
@@ -150,14 +153,14 @@ def run_task(task: RecordingTask) -> RecordingOutcome:
 def _analysed(task: RecordingTask) -> RecordingOutcome:
     target = task.folder / RESULTS / result_name(task.source, task.key)
     if (
-        record := read_result(target, task.fit)
+        record := read_result(target, task.fit, task.figure)
     ) is not None:  # of a process that died right after it
         return outcome_of(task.source, task.key, record)
     start = time.perf_counter()
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            record, synergies = _result(task)
+            record, synergies = _result(task, target)
     except (ValueError, OSError, ImportError) as failure:
         return _failed(task, "file", failure)
     except GeodesicOcpError as failure:
@@ -180,14 +183,19 @@ def _failed(task: RecordingTask, kind: OutcomeKind, failure: Exception) -> Recor
     return RecordingOutcome(task.source, kind, reason)
 
 
-def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
-    """Return the record of the result and the text of the synergies' file."""
+def _result(task: RecordingTask, target: Path) -> tuple[dict[str, Any], str]:
+    """Return the record of the result and the text of the synergies' file; write the figure."""
     source, settings = task.source, task.settings
     height, mass = stature(settings, source)
-    recording = read_by_settings(source.path, source.side, settings, height, mass, one_of_many=True)
+    recording = read_by_settings(
+        source.path, source.side, settings, height, mass, one_of_many=True, part=source.part
+    )
     analysis = analyse_recording(recording, settings)
     spread = analysis.uncertainty() if settings.uncertainty else None
     motion = analysis.motion
+    if task.figure:
+        with replacing(figure_file(target)) as temporary:
+            analysis.plot(uncertainty=spread).savefig(temporary, format="png", dpi=110)
     digest = settings.digest()
     same: Row = person_row(recording, settings, source) | {"settings": digest}
     own: Row = {"settings": digest}

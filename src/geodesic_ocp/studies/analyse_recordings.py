@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
+from geodesic_ocp.recordings.read_recording import that_apply
+from geodesic_ocp.recordings.read_recordings import parts_of
 from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import in_executor, in_processes, usable_cores
@@ -108,6 +110,7 @@ def analyse_recordings(
     subjects: str | PathLike[str] | None = None,
     time_limit: float | None = None,
     fit: bool = False,
+    figures: bool = False,
     tables_only: bool = False,
     progress: Progress | None = None,
     finished: Callable[[RecordingOutcome], object] | None = None,
@@ -143,6 +146,7 @@ def analyse_recordings(
         fit: also compute the errors of cubics, splines and minimum jerk, and how that of each
             recording depends on the joint inertia (profiles.csv), for `StudyResult.joint_inertia`.
             It takes several times as long.
+        figures: also draw a figure of each recording, beside its result, as `Analysis.plot` does.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
@@ -174,7 +178,12 @@ def analyse_recordings(
     start = time.perf_counter()
     folder = Path(os.path.abspath(out))
     own = {folder / f"{name}.csv" for name in TABLES}  # of a run in the recordings' folder
-    sources = [source for source in sources if source.path not in own]
+    sources = [
+        replace(source, part=part)
+        for source in sources
+        if source.path not in own
+        for part in _parts(source, settings)
+    ]
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
     found: dict[str, RecordingOutcome] = {}
     report = progress or no_progress
@@ -186,7 +195,8 @@ def analyse_recordings(
             finished(outcome)
         report(_LABEL, len(found), len(sources))
 
-    tasks = _tasks(sources, settings, folder, time_limit, fit and not tables_only, add)
+    wanted = (fit and not tables_only, figures and not tables_only)
+    tasks = _tasks(sources, settings, folder, time_limit, wanted, add)
     with nullcontext() if tables_only else locked(folder):
         with closing(_run(tasks, jobs, executor, tables_only)) as run:
             for outcome in run:
@@ -206,6 +216,12 @@ def analyse_recordings(
         seconds=time.perf_counter() - start,
         files=written,
     )
+
+
+def _parts(source: RecordingSource, settings: AnalysisSettings) -> Sequence[int | None]:
+    if settings.fill is None or source.problem:  # without reading the file
+        return (None,)
+    return parts_of(source.path, source.side, that_apply(source.path, settings.reading()))
 
 
 def _run(
@@ -229,10 +245,16 @@ def _tasks(
     settings: AnalysisSettings,
     folder: Path,
     time_limit: float | None,
-    fit: bool,
+    wanted: tuple[bool, bool],
     add: Callable[[RecordingOutcome], None],
 ) -> Iterator[RecordingTask]:
-    """Yield the recordings that are to be analysed; outcomes of the others are added on the way."""
+    """Yield the recordings that are to be analysed; outcomes of the others are added on the way.
+
+    Args:
+        sources, settings, folder, time_limit: of the tasks.
+        wanted: whether a result has the profile of the joint inertia, and a figure.
+        add: called with each outcome.
+    """
     known = results_by_key(folder)
     first: dict[str, str] = {}  # names of recordings by key
     for source in sources:
@@ -244,11 +266,11 @@ def _tasks(
                 outcome = RecordingOutcome(source, "file", f"cannot be read: {failure.strerror}")
             else:
                 same = first.setdefault(key, source.name)
-                record = read_result(known[key], fit) if key in known else None
+                record = read_result(known[key], *wanted) if key in known else None
                 if same != source.name:
                     outcome = RecordingOutcome(source, "same", f"is the same file as {same}")
                 elif record is None:
-                    yield RecordingTask(source, settings, folder, key, time_limit, fit)
+                    yield RecordingTask(source, settings, folder, key, time_limit, *wanted)
                     continue
                 else:
                     outcome = outcome_of(source, key, record)

@@ -51,6 +51,7 @@ class RecordingTask:
         key: key of the result, see `result_key`.
         time_limit: time limit of the process that analyses it [s], or None.
         fit: whether the result has the profile of the joint inertia.
+        figure: whether it has a figure.
     """
 
     source: RecordingSource
@@ -59,6 +60,7 @@ class RecordingTask:
     key: str
     time_limit: float | None = None
     fit: bool = False
+    figure: bool = False
 
     def __repr__(self) -> str:
         return f"RecordingTask({self.source.name!r}, {self.key[:8]})"
@@ -106,7 +108,7 @@ _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
 
 
 def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
-    """Return 32 digits that change with file content, side, settings and package.
+    """Return 32 digits that change with file content, part, side, settings and package.
 
     With an AMC file, also with the skeletons (.asf) beside it.
 
@@ -122,6 +124,7 @@ def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
             while block := stream.read(1 << 20):
                 digest.update(block)
     known = [source.side, source.height, source.mass, settings.digest(), version("geodesic_ocp")]
+    known += [] if source.part is None else [source.part]
     digest.update(json.dumps(known).encode())
     return digest.hexdigest()[:32]
 
@@ -129,7 +132,8 @@ def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
 def result_name(source: RecordingSource, key: str) -> str:
     """Return name of the file of a result."""
     stem = re.sub(r"[^\w.-]+", "_", source.path.stem)[:100]
-    return f"{stem}-{source.side}-{key}.json"
+    part = "" if source.part is None else f"-part{source.part}"
+    return f"{stem}{part}-{source.side}-{key}.json"
 
 
 def results_by_key(folder: Path) -> dict[str, Path]:
@@ -148,20 +152,26 @@ def write_result(path: Path, record: dict[str, Any]) -> None:
     write_file(path, text, lasting=True)
 
 
-def read_result(path: Path, fit: bool = False) -> dict[str, Any] | None:
+def read_result(path: Path, fit: bool = False, figure: bool = False) -> dict[str, Any] | None:
     """Return the record of a result; None if the file is missing, damaged or of another version.
 
     Args:
         path: path of the file.
         fit: also None if the result has no profile of the joint inertia.
+        figure: also None if it has no figure.
     """
     try:
         record = read_record(path, FORMAT, VERSION, "a result")
     except RecordingError:
         return None
-    if fit and "profiles" not in record:
+    if (fit and "profiles" not in record) or (figure and not figure_file(path).is_file()):
         return None
     return record if record.pop("checksum", None) == _checksum(record) else None
+
+
+def figure_file(path: Path) -> Path:
+    """Return the path of the figure that belongs to the file of a result."""
+    return path.with_suffix(".png")
 
 
 def _checksum(record: dict[str, Any]) -> str:
@@ -248,10 +258,10 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             "them: recordings of one person would count as several subjects. State the subjects "
             "with a table (--subjects) or by the paths (--subject-from)."
         )
-    by_name: dict[tuple[str, str], list[str]] = {}
+    by_name: dict[tuple[str, str], set[str]] = {}
     for row in recordings:
         name = str(row["file"]).rpartition(".")[0]
-        by_name.setdefault((name, str(row["side"])), []).append(str(row["file"]))
+        by_name.setdefault((name, str(row["side"])), set()).add(str(row["file"]))
     twice = sorted({", ".join(sorted(each)) for each in by_name.values() if len(each) > 1})
     if twice:
         yield (

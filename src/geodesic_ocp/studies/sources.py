@@ -105,6 +105,7 @@ class RecordingSource:
         path: path of the file, absolute.
         file: relative to the deepest folder that holds all files that were given.
         side: "right" or "left".
+        part: number of a part of the file between gaps, from 1; None: the whole file.
         subject: subject of the person; empty if the file is to tell.
         subject_from: where the subject is from, see `SubjectFrom`; empty if the file is to tell.
         fallback: the subject if the file does not tell.
@@ -117,6 +118,7 @@ class RecordingSource:
     path: Path
     file: str
     side: Side
+    part: int | None = None
     subject: str = ""
     subject_from: SubjectFrom | Literal[""] = ""
     fallback: str = ""
@@ -129,7 +131,8 @@ class RecordingSource:
     @property
     def name(self) -> str:
         """Name of the recording."""
-        return f"{self.file}, {self.side}"
+        part = "" if self.part is None else f", part {self.part}"
+        return f"{self.file}{part}, {self.side}"
 
     def __repr__(self) -> str:
         return f"RecordingSource({self.name!r}, subject {self.subject or self.fallback!r})"

@@ -18,7 +18,7 @@ from geodesic_ocp.drawing.analysis_figure import INSTANTS, draw_analysis, errors
 from geodesic_ocp.drawing.arm_shapes import Postures
 from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
 from geodesic_ocp.drawing.best_view import across, best_view
-from geodesic_ocp.drawing.styles import new_figure, save_figure
+from geodesic_ocp.drawing.styles import in_degrees, new_figure, save_figure
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
@@ -50,7 +50,7 @@ from geodesic_ocp.synergies.synergy import (
     save_synergies,
 )
 from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
-from geodesic_ocp.tables import in_degrees, markdown, new_table, save_tables
+from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.noise import Noise
 
@@ -147,13 +147,12 @@ class Analysis:
         numbers = [f"{k} {v}" for k, v in own if k not in usual or v != usual[k].default]
         return ", ".join([name, *numbers])
 
-    def table(self, *, unfiltered: bool = False, degrees: bool = False) -> DataFrame:
+    def table(self, *, unfiltered: bool = False) -> DataFrame:
         """Return number of segments and mean errors of all methods, of each hand if there are
         several.
 
         Args:
             unfiltered: take the errors against the unfiltered motion (`errors_unfiltered`).
-            degrees: give angles in degrees.
 
         Raises:
             ValueError: the unfiltered motion is not known.
@@ -167,8 +166,7 @@ class Analysis:
         ]
         lacking = ", ".join(self.labels()[method] for method in self.not_found)
         note = f"Not found: {lacking}." if lacking else ""
-        table = new_table(("method", "segments", *self._columns), rows, note)
-        return in_degrees(table) if degrees else table
+        return new_table(("method", "segments", *self._columns), rows, note)
 
     @property
     def _columns(self) -> list[str]:
@@ -363,6 +361,7 @@ class Analysis:
         curve: Callable[[Axes], object] | None = None,
         effort: bool = False,
         uncertainty: Uncertainty | None = None,
+        degrees: bool = False,
     ) -> list[FilePath]:
         """Write table and second_order (.csv, .md), figure (.png, .pdf) and synergies.json.
 
@@ -375,6 +374,7 @@ class Analysis:
             curve: curve of the figure, see `plot`.
             effort: see `second_order`.
             uncertainty: of the cuts, see `plot`.
+            degrees: state angles in degrees in tables and figure.
 
         Returns:
             The files' paths.
@@ -382,13 +382,14 @@ class Analysis:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, partial(self._write, curve, effort, uncertainty))
+        return write_together(folder, partial(self._write, curve, effort, uncertainty, degrees))
 
     def _write(
         self,
         curve: Callable[[Axes], object] | None,
         effort: bool,
         uncertainty: Uncertainty | None,
+        degrees: bool,
         folder: FilePath,
     ) -> None:
         tables = {"table": self.table(), "second_order": self.second_order(effort=effort)}
@@ -396,8 +397,12 @@ class Analysis:
             tables["table_unfiltered"] = self.table(unfiltered=True)
         if uncertainty is not None:
             tables["cuts"] = uncertainty.table()
+        figure = self.plot(curve, uncertainty)
+        if degrees:
+            tables = {name: in_degrees(table) for name, table in tables.items()}
+            figure = in_degrees(figure)
         save_tables(folder, tables)
-        save_figure(self.plot(curve, uncertainty), folder)
+        save_figure(figure, folder)
         save_synergies(
             folder / "synergies.json", self.synergies, self.motion.joint_names, self.model
         )
