@@ -12,6 +12,7 @@ from minimum_jerk_files import write_stroke
 import geodesic_ocp as go
 from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.result_files import notes_of
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
 
@@ -117,3 +118,14 @@ def test_a_table_of_conditions_may_give_more_of_the_path(name: str, tmp_path: Pa
     table = tmp_path / "files.csv"
     table.write_text(f"file,condition\n{name},slow\n")
     assert go.study(tmp_path / "out", metadata=table, by="condition").conditions == ("slow",)
+
+
+def test_one_person_under_several_names_is_noticed() -> None:
+    names = ["S01", "sub-1", "s 1", "S10", "An", "AN", "Bo"]
+    rows = [
+        {"recording": f"{k}", "file": f"{k}.csv", "side": "right", "subject": name}
+        | {"subject_from": "file", "height_from": "file", "mass_from": "file"}
+        for k, name in enumerate(names)
+    ]
+    (note,) = notes_of(rows, 0)
+    assert "several names (AN/An; S01/s 1/sub-1)" in note

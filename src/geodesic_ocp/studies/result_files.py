@@ -242,8 +242,8 @@ def equal_motions(motions: Sequence[tuple[str, int, list[float]] | None]) -> dic
 
 
 def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
-    """Yield subjects named after files, trials that may be there twice, assumed heights and masses,
-    and results that are in no table.
+    """Yield subjects named after files, trials and people that may be there twice, assumed heights
+    and masses, and results that are in no table.
 
     Args:
         rows: rows of the table of recordings.
@@ -268,6 +268,16 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             f"The same trial may be there twice, as files of one name have several formats "
             f"({'; '.join(twice[:5])}): statistics would count it twice. Leave one out."
         )
+    plain: dict[str, set[str]] = {}
+    for name in (
+        str(row["subject"]) for row in recordings if row.get("subject_from") != "file name"
+    ):
+        plain.setdefault(_plain(name), set()).add(name)
+    if alike := ["/".join(sorted(names)) for names in plain.values() if len(names) > 1]:
+        yield (
+            f"One person may be there under several names ({'; '.join(sorted(alike)[:5])}), which "
+            "statistics would count as several subjects. State one name with --subjects."
+        )
     passive = [str(row["recording"]) for row in recordings if _is_passive(row)]
     if passive and len(passive) < len(recordings):
         yield (
@@ -288,6 +298,13 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             f"{others} other result{many} of other recordings, settings or versions, and in none "
             "of the tables."
         )
+
+
+def _plain(subject: str) -> str:
+    """Return a name without case, separators, zeros before a number, and a word for subject."""
+    found = re.sub(r"[\W_]+", "", subject.casefold())
+    found = re.sub(r"^(?:subject|subj|sub|participant|s|p|vp)(?=\d)", "", found)
+    return re.sub(r"(?<!\d)0+(?=\d)", "", found)
 
 
 def _is_passive(row: Row) -> bool:
