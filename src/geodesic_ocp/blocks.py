@@ -107,8 +107,8 @@ class Terms:
             return [each.full().T for each in found]
         z = np.ascontiguousarray(z, dtype=float)
         if name not in self._sizes:
-            every = [function.numel_out(k) for k in range(function.n_out())]
-            self._sizes[name] = every, (function.sz_arg(), function.sz_res(), function.sz_w())
+            widths = [function.numel_out(k) for k in range(function.n_out())]
+            self._sizes[name] = widths, (function.sz_arg(), function.sz_res(), function.sz_w())
         sizes, (arguments, results, numbers) = self._sizes[name]
         outputs = [np.empty((len(z), size)) for size in sizes]
         steps = [self.size, self.size_p * (p.ndim - 1)], sizes
