@@ -103,6 +103,8 @@ def fit(
     del settings
     check_folder(out)
     parameters = [as_parameter(text) for text in parameter or ["joint_inertia"]]
+    if penalty is not None and analysis.segments != AnalysisSettings().segments:
+        raise ValueError("give either --penalty, with cuts of its own, or --segments")
     if bootstrap < 0:
         raise ValueError(f"--bootstrap must not be negative, got {bootstrap}")
     start = time.perf_counter()

@@ -204,7 +204,7 @@ def complete(
     missing = np.isnan(q)
     if not missing.any() and part in (None, 1):
         return time, q
-    q, bridged = q.copy(), 0
+    q, filled = q.copy(), np.zeros(0, dtype=int)
     for column in range(q.shape[1]):
         known = np.flatnonzero(~missing[:, column])
         gaps = np.flatnonzero(np.diff(known) > 1)
@@ -216,7 +216,7 @@ def complete(
             for gap in gaps[short]:
                 inside = np.arange(known[gap] + 1, known[gap + 1])
                 q[inside, column] = curve(time[inside])
-            bridged += int(short.sum())
+            filled = np.append(filled, known[gaps[short]])
     gone = np.isnan(q)
     rows = np.flatnonzero(~gone.any(axis=1))
     runs = [each for each in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if each.size]
@@ -237,6 +237,7 @@ def complete(
     if part is not None and not 1 <= part <= len(parts):
         raise ValueError(f"part must be a number from 1 to {len(parts)}, got {part}")
     kept = np.arange(len(time)) if not gone.any() and part is None else parts[(part or 1) - 1]
+    bridged = int(np.isin(filled, kept).sum())
     done = [f"{bridged} gap{'s'[: bridged - 1]} of up to {fill:g} s bridged"] if bridged else []
     if kept.size < len(time):
         done.append(f"the part from {time[kept[0]]:.2f} to {time[kept[-1]]:.2f} s alone")
