@@ -370,9 +370,9 @@ def test_incomplete_classes_are_named() -> None:
         go.solve(NoConditions())
 
 
-def test_a_motion_that_exceeds_the_speed_of_its_problem_says_so() -> None:
+def test_a_motion_keeps_the_speed_of_its_problem() -> None:
     line = go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (0.9, 0.0), speed=1.0)
     solution = go.solve(line)
-    with pytest.warns(RuntimeWarning, match=r"q\[0\] reaches 1\.35 times the speed .*in 1\.35 s"):
+    with pytest.raises(ValueError, match=r"in 1 s q\[0\] would move at 1\.35 times .*in 1\.35 s"):
         solution.to_motion(1.0)
     assert np.abs(solution.to_motion(1.35).velocity).max() == pytest.approx(1.0, rel=1e-3)

@@ -37,9 +37,9 @@ class ConstrainedProblem(Problem):
 
     Attributes:
         limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
-            a motion at constant speed that lasts T has joint speeds 1 / T times these, one from
-            rest to rest (`Solution.to_motion`) up to 1.5 / T times. None: no limit.
+        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,).
+            Motions keep it as speeds of the joints [rad/s or m/s], so that where it is reached one
+            from rest to rest takes 1.5 s or more (`Solution.to_motion`). None: no limit.
         obstacles: balls, capsules, boxes and half-spaces that the collision bodies keep clear of.
         links: links whose bodies keep clear of obstacles; None: all that move.
         pairs: pairs of links that keep clear of each other.
@@ -125,9 +125,9 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
         metric: metric of the manifold.
         q0, q1: start and goal (n,) [rad or m].
         limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
-            a motion at constant speed that lasts T has joint speeds 1 / T times these, one from
-            rest to rest (`Solution.to_motion`) up to 1.5 / T times. None: no limit.
+        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,).
+            Motions keep it as speeds of the joints [rad/s or m/s], so that where it is reached one
+            from rest to rest takes 1.5 s or more (`Solution.to_motion`). None: no limit.
         obstacles: balls, capsules, boxes and half-spaces that the collision bodies keep clear of.
         links: links whose bodies keep clear of obstacles; None: all that move.
         pairs: pairs of links that keep clear of each other.

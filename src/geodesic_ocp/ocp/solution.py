@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
@@ -273,18 +272,14 @@ class Solution:
     def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
         """Return the path as a motion in time, with velocities.
 
-        The `speed` of a problem limits the slopes dq/ds of the path. A RuntimeWarning says where a
-        joint is faster than so many rad/s, as from rest to rest in one second it is by a half, and
-        in what duration it would not be.
-
         Args:
             timing: duration [s] of a motion from rest to rest with the least squared acceleration
                 s''(t) along the path (`time_law`); or a time law, which may have any end speeds.
             rate: samples per second [Hz], rounded so that they are evenly spaced up to the end.
 
         Raises:
-            ValueError: a duration or rate that is not positive, a path of zero length, or a time
-                law for another length.
+            ValueError: a duration or rate that is not positive, a path of zero length, a time law
+                for another length, or joints that would be faster than the problem's `speed`.
             NotConverged: the path is no solution, or violates the problem's conditions.
         """
         allowed = max(BETWEEN_NODES, 1.1 * self.stats.max_path_violation)
@@ -293,16 +288,14 @@ class Solution:
             cause = "; ".join(map(str, violations[:1])) or self.stats.status
             raise NotConverged(f"no motion along a path that is not a solution: {cause}", self)
         motion = motion_along(self.path, timing, rate)
-        if (speed := getattr(self.problem, "speed", None)) is not None:
-            velocity = np.asarray(motion.velocity)
-            shares = np.abs(velocity).max(axis=0) / speed
+        limit = getattr(self.problem, "speed", None)
+        if limit is not None and hasattr(self.problem, "check_path_constraints"):  # in q'(s)
+            shares = np.abs(np.asarray(motion.velocity)).max(axis=0) / limit
             joint, excess = motion.joint_names[int(shares.argmax())], float(shares.max())
             if excess > 1.0 + allowed:
-                warnings.warn(
-                    f"{joint} reaches {excess:.3g} times the speed of the problem, taken per "
-                    f"second; in {excess * motion.duration:.3g} s it would reach that speed",
-                    RuntimeWarning,
-                    stacklevel=2,
+                raise ValueError(
+                    f"in {motion.duration:g} s {joint} would move at {excess:.3g} times the speed "
+                    f"of the problem; in {excess * motion.duration:.4g} s it keeps that limit"
                 )
         return motion
 
