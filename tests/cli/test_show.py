@@ -33,7 +33,6 @@ def show(monkeypatch: pytest.MonkeyPatch) -> Show:
     """The playback that the command shows."""
     shown: list[Playback] = []
     monkeypatch.setattr(show_command, "present", lambda playback, *_: shown.append(playback))
-    monkeypatch.setattr(show_command, "require_pages", lambda: None)
 
     def playback_of(*arguments: Any) -> Playback:
         assert cli.main(["show", *map(str, arguments)]) == 0
@@ -382,23 +381,12 @@ def test_layers_and_the_time_of_a_picture(
     assert not (tmp_path / "no.png").exists()
 
 
-def test_without_the_viewer_the_extra_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("geodesic_ocp.cli.terminal.find_spec", lambda name: None)
-    assert cli.main(["show", "missing"]) == 2
-    assert "pip install 'geodesic_ocp[viewer]'" in capsys.readouterr().err
-    assert cli.main(["retarget", "missing.csv", "--robot", "panda", "--report"]) == 2
-    assert "pip install 'geodesic_ocp[viewer]'" in capsys.readouterr().err
-
-
 def test_without_a_screen_a_page_is_written(
     robot_file: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    pytest.importorskip("meshcat", reason="needs the extra viewer")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):

@@ -315,11 +315,11 @@ def test_a_view_that_the_browser_closes_says_so(browser: Any, file: File) -> Non
     """Browsers keep some views open, and close the oldest when a page or notebook has more."""
     with opened(browser, file("path"), width=WIDTH, height=560) as page:
         assert not page.get_by_text("closed this view").is_visible()
-        ask(page, "viewer.panes[0].viewer.renderer.forceContextLoss()")
+        ask(page, "viewer.panes[0].renderer.forceContextLoss()")
         page.get_by_text("closed this view").wait_for(state="visible")
         ask(page, "viewer.seek(0.5)")
         assert ask(page, "viewer.time") == 0.5
-        ask(page, "viewer.panes[0].viewer.renderer.forceContextRestore()")
+        ask(page, "viewer.panes[0].renderer.forceContextRestore()")
         page.get_by_text("closed this view").wait_for(state="hidden")
 
 

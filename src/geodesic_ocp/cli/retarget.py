@@ -27,8 +27,6 @@ from geodesic_ocp.cli.terminal import (
     print_written,
     printed_warnings,
     progress,
-    require_pages,
-    why_no_pages,
 )
 from geodesic_ocp.drawing.viewer import report as write_report
 from geodesic_ocp.model.anthropometry import Side, Sides
@@ -112,8 +110,6 @@ def retarget(
     check_folder(out)
     for wanted in export or ():
         check_export(wanted)
-    if report:
-        require_pages()
     if mount == "auto" and len(robot) > 1:
         raise ValueError("--mount auto: for one --robot; two arms of one cannot be moved apart")
     of_arms = hand or (), base or (), alignment or ()
@@ -155,15 +151,11 @@ def demo(
         save_analysis(analyse_bundled(settings), out, with_curve=True)
         return 0
     arms = _arms([robot], ["left"])
-    if missing := why_no_pages():
-        print(f"note: no {_REPORT} will be written: {missing}")
     analysis = analyse_bundled(settings)
     save_analysis(analysis, out)
     print()
     transfer = RetargetingSettings(limits=limits, speed_limits=limits)
-    return _transfer(
-        [analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, not missing
-    )
+    return _transfer([analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, True)
 
 
 def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]) -> _Arm:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from geodesic_ocp.cli.playbacks import Shown
-from geodesic_ocp.cli.terminal import check_folder, progress, require_pages
+from geodesic_ocp.cli.terminal import check_folder, progress
 from geodesic_ocp.drawing.scene import Playback, beside
 from geodesic_ocp.drawing.viewer import PAGES, PICTURES, Viewer
 
@@ -58,7 +58,7 @@ def show(
 
     Raises:
         ValueError: a file cannot be read or shown, or options do not fit; names the file.
-        ImportError: the extra viewer is not installed.
+        ImportError: ffmpeg, which an .mp4 needs, is not installed.
         OSError: the page cannot be written.
     """
     options = {"width": width, "rate": rate, "speed": speed, "at": at}
@@ -79,7 +79,6 @@ def check_destination(out: Path | None, given: Mapping[str, Any]) -> None:
 
     Raises:
         ValueError: the options do not fit the file, or it cannot be written.
-        ImportError: the extra viewer is not installed.
     """
     if out is not None:
         if out.is_dir():
@@ -88,7 +87,6 @@ def check_destination(out: Path | None, given: Mapping[str, Any]) -> None:
             raise ValueError(f"--out {out}: the file must end in {', '.join(_SUFFIXES)}")
         check_folder(out.parent)
     if out is None or out.suffix.lower() in PAGES:
-        require_pages()
         _check_absent(
             given, tuple(given), "of videos and pictures only; give --out FILE.mp4 or .png"
         )
@@ -116,7 +114,7 @@ def present(
 
     Raises:
         ValueError: there is no such layer or time.
-        ImportError: the extra viewer is not installed.
+        ImportError: ffmpeg, which an .mp4 needs, is not installed.
         OSError: the file cannot be written.
     """
     viewer = Viewer(playback)

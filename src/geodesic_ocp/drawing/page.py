@@ -9,8 +9,6 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib.resources import files
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,14 +41,10 @@ def document(title: str, body: str) -> str:
     Args:
         title: title of the page, as plain text; it is escaped. The body has its own heading.
         body: HTML, such as `f"<h1>{html.escape(title)}</h1>{fragment(playback)}"`.
-
-    Raises:
-        ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
     """
-    folder = files("geodesic_ocp.drawing") / "web"
-    style = (folder / "page.css").read_text(encoding="utf-8")
-    own = "\n".join((folder / "scripts" / name).read_text(encoding="utf-8") for name in _SCRIPTS)
-    scripts = _library(), f'\n(function () {{\n"use strict";\n{own}}})();\n'
+    style, licence, three = map(_read, ("page.css", "LICENSE.three", "three.min.js"))
+    own = "\n".join(_read(f"scripts/{name}") for name in _SCRIPTS)
+    scripts = f"\n/*!\n{licence}*/\n{three}", f'\n(function () {{\n"use strict";\n{own}}})();\n'
     policy = " ".join([_POLICY, *map(_source, scripts)])
     programs = "\n".join(f"<script>{script}</script>" for script in scripts)
     return f"""<!DOCTYPE html>
@@ -77,15 +71,8 @@ def _source(script: str) -> str:
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
-def _library() -> str:
-    """Return meshcat's JavaScript with the licences of what it contains."""
-    found = find_spec("meshcat")  # importing it would import its web server
-    if found is None or found.origin is None:
-        raise ImportError("the viewer needs meshcat: pip install 'geodesic_ocp[viewer]'")
-    folder = Path(found.origin).parent / "viewer"
-    names = ("LICENSE", "dist/main.min.js.LICENSE.txt", "dist/main.min.js")
-    licence, others, script = ((folder / name).read_text(encoding="utf-8") for name in names)
-    return f"\n/*!\nMeshcat\n{licence}*/\n{others}\n{script}\n"
+def _read(name: str) -> str:
+    return (files("geodesic_ocp.drawing") / "web" / name).read_text(encoding="utf-8")
 
 
 _STEPS = 32767  # on either side of the middle, in 16 bits

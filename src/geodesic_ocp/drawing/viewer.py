@@ -44,11 +44,7 @@ class Viewer:
         return f"Viewer({self.playback!r})"
 
     def html(self) -> str:
-        """Return a self-contained page, which opens from disk without a network.
-
-        Raises:
-            ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
-        """
+        """Return a self-contained page, which opens from disk without a network."""
         title = plain_text(self.playback.title)
         only = plain_text(self.playback.scenes[0].title) if len(self.playback.scenes) == 1 else ""
         heading = f"<h1>{html.escape(title)}</h1>\n" if title not in ("", only) else ""
@@ -82,7 +78,7 @@ class Viewer:
 
         Raises:
             ValueError: another suffix, an argument out of range, or a layer that does not exist.
-            ImportError: Meshcat, or what a video needs, is not installed.
+            ImportError: ffmpeg, which an .mp4 needs, is not installed.
             OSError: the file cannot be written; what was there is left as it was.
         """
         path = Path(file)
@@ -114,7 +110,6 @@ class Viewer:
         files, because the browser may read it later.
 
         Raises:
-            ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
             OSError: the file cannot be written.
         """
         page = self.html()
@@ -182,7 +177,6 @@ def show(
     Raises:
         TypeError, ValueError: items of which there is nothing to show, a layer that does not exist,
             or a file of another suffix.
-        ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
         OSError: the file cannot be written.
     """
     if not isinstance(title, str):
@@ -227,7 +221,6 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
         Path of the file.
 
     Raises:
-        ImportError: the extra viewer is not installed.
         OSError: the file cannot be written.
     """
     playback = retargeting_playback(retargeting)

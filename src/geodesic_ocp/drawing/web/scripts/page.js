@@ -194,7 +194,7 @@ class PlaybackViewer {
   }
 
   draw() {
-    for (const pane of this.panes) if (pane.viewer.needs_render && pane.camera) pane.render();
+    for (const pane of this.panes) if (pane.stale) pane.render();
   }
 
   step(now) {
@@ -248,7 +248,7 @@ let canDraw;
 function supported() {
   if (canDraw === undefined) {
     const canvas = document.createElement("canvas");
-    const context = canvas.getContext("webgl2") || canvas.getContext("webgl");
+    const context = canvas.getContext("webgl2");
     canDraw = Boolean(context);
     context?.getExtension("WEBGL_lose_context")?.loseContext(); // browsers allow only a few
   }
