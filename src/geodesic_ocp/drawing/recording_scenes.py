@@ -77,7 +77,7 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         title or f"{model.name}, {len(analysis.synergies)} geodesic synergies",
         (scene,),
         {"synergies": synergy_spans(analysis.synergies)},
-        _plots(analysis, shown),
+        _plots(analysis, shown, others),
         azimuth=viewed_from(model),
         hidden=(*Playback.hidden, *(labels[name] for name in others)),
     )
@@ -109,7 +109,7 @@ def synergy_spans(synergies: Sequence[Synergy]) -> tuple[Span, ...]:
     return tuple(spans)
 
 
-def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
+def _plots(analysis: Analysis, shown: Indices, others: Sequence[str]) -> tuple[Plot, ...]:
     model, motion, predicted = analysis.model, analysis.motion, analysis.predicted
     time = motion.time[shown]
     roles = {name: _role(analysis, method) for method, name in analysis.on_same_segments().items()}
@@ -125,17 +125,24 @@ def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
 
     plots = [errors("mean joint error [rad]", joints)]
     plots += [errors(f"{label} error [mm]", each, 1000.0) for label, each in hands.items()]
-    both: dict[str, tuple[Motion, Role]] = {
+    every: dict[str, tuple[Motion, Role]] = {
         "observed": (motion, "observed"),
         "predicted": (predicted, "predicted"),
     }
+    labels = analysis.labels()
+    layers = {labels[name]: (analysis.predictions[name], _role(analysis, name)) for name in others}
+    every |= layers
+    moving = []
     for column in _widest(model, motion.q):
         curves = tuple(
-            Curve(name, time, each.q[shown, column], role) for name, (each, role) in both.items()
+            Curve(name, time, each.q[shown, column], role) for name, (each, role) in every.items()
         )
         label = f"{short_name(model.joint_names[column])} [{model.units[column]}]"
-        plots.append(Plot(label, curves))
-    return (*plots, *hand_speed_plots(model, both, shown))
+        moving.append(Plot(label, curves))
+    for plot in (*moving, *hand_speed_plots(model, every, shown)):
+        switched = (replace(each, layer=each.name * (each.name in layers)) for each in plot.curves)
+        plots.append(replace(plot, curves=tuple(switched)))
+    return tuple(plots)
 
 
 def _widest(model: Model, q: Array) -> list[int]:

@@ -61,8 +61,9 @@ _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2
 def line_styles(count: int) -> list[dict[str, Any]]:
     """Get styles of several lines: colours from dark to light, and dashes for greyscale print."""
     from matplotlib import colormaps
+    from matplotlib.colors import to_hex
 
-    shades = colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2)))
+    shades = [*map(to_hex, colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2))))]
     return [
         {"color": shades[index], "linestyle": _DASHES[index % len(_DASHES)], "linewidth": 1.6}
         for index in range(count)

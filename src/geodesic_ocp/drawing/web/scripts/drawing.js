@@ -30,15 +30,7 @@ class Drawing {
 
   // Move everything to a time, between two samples if need be.
   show(time) {
-    const samples = this.samples;
-    let [low, high] = [0, samples.length - 1];
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (samples[middle] <= time) low = middle;
-      else high = middle;
-    }
-    const span = samples[high] - samples[low];
-    const fraction = span > 0 ? Math.min(1, Math.max(0, (time - samples[low]) / span)) : 0;
+    const [low, fraction] = sampleAt(this.samples, time);
     for (const move of this.moving) move(low, fraction);
   }
 

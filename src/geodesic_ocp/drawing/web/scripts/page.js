@@ -32,7 +32,7 @@ class PlaybackViewer {
       panes.after(this.bar.element);
     }
     const plots = root.querySelector(".playback-plots");
-    this.plots = new Plots(this, plots, data.range);
+    this.plots = new Plots(this, plots, data);
     for (const [name, on] of data.layers) this.setLayer(name, on);
     this.seek(this.time);
     this.last = performance.now();
@@ -175,6 +175,7 @@ class PlaybackViewer {
     this.layers[name] = Boolean(on);
     this.switches[name].checked = this.layers[name];
     for (const pane of this.panes) pane.setLayer(name, this.layers[name]);
+    this.plots.setLayer(name, this.layers[name]);
     this.draw();
   }
 

@@ -17,6 +17,18 @@ function unpacked({ middle, step, data }) {
   );
 }
 
+// Index of the sample before a time, and how far the time is on the way to the next one, 0 to 1.
+function sampleAt(samples, time) {
+  let [low, high] = [0, samples.length - 1];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (samples[middle] <= time) low = middle;
+    else high = middle;
+  }
+  const span = samples[high] - samples[low];
+  return [low, span > 0 ? Math.min(1, Math.max(0, (time - samples[low]) / span)) : 0];
+}
+
 // A surface, smooth where its triangles share vertices.
 function surface({ vertices, triangles, bits }) {
   const corners = new (bits === 16 ? Uint16Array : Uint32Array)(bytes(triangles));
