@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -379,6 +380,24 @@ def test_layers_and_the_time_of_a_picture(
         assert cli.main([*base, str(tmp_path / "no.png"), *more]) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / "no.png").exists()
+
+
+def test_the_folder_of_a_retargeting_shows_its_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "trajectory.npz").touch()
+    page, copy = tmp_path / "report.html", tmp_path / "copy.html"
+    page.write_text("person and robot", encoding="utf-8")
+    assert cli.main(["show", str(tmp_path), "--out", str(copy)]) == 0
+    assert copy.read_text(encoding="utf-8") == "person and robot"
+    opened: list[str] = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr("webbrowser.open", lambda address: not opened.append(address))
+    assert cli.main(["show", str(tmp_path)]) == 0
+    assert opened == [page.as_uri()]
+    os.utime(page, (0, 0))  # of an earlier trajectory, which is not shown in place of this one
+    assert cli.main(["show", str(tmp_path)]) == 2
+    assert "trajectory.npz" in capsys.readouterr().err
 
 
 def test_without_a_screen_a_page_is_written(

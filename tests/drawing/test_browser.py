@@ -362,6 +362,8 @@ def test_a_notebook_shows_the_same_in_a_frame(
         frame = page.frames[1]
         frame.evaluate("geodesicOcp.viewers[0].seek(0.5)")
         assert frame.get_by_label("time", exact=True).inner_text() == "s = 0.50"
+        content = frame.evaluate("document.body.offsetHeight")
+        assert page.locator("iframe").bounding_box()["height"] == near(content, 2.0)
         before = pictures(page, "iframe")[0]
         frame.evaluate("document.querySelector('canvas').style.visibility = 'hidden'")
         assert changed_fraction(before, pictures(page, "iframe")[0], BODY) > 0.01

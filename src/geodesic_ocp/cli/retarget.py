@@ -12,6 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from geodesic_ocp.cli.analyse import analyse_bundled, analyse_file, save_analysis
+from geodesic_ocp.cli.kinds import REPORT
 from geodesic_ocp.cli.options import (
     AnalysisOptions,
     Flag,
@@ -46,7 +47,6 @@ from geodesic_ocp.trajectory.joint_trajectory import check_export
 
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed
-_REPORT = "report.html"
 Mount: TypeAlias = Literal["auto", "fixed"]
 # One alignment for each hand; None: the default, from which the robot may be moved.
 _Arm: TypeAlias = tuple[Model, list[Alignment] | None]
@@ -257,9 +257,9 @@ def _transfer(
             for aligned, name in zip(placed.alignments, names or [""], strict=True):
                 print_written([aligned.save(out / f"alignment{name}.json", notes)])
         if with_report:
-            print_written([write_report(result, out / _REPORT)])
-        else:
-            print(f"\nto see the robot move: geodesic-ocp show {shlex.quote(str(out))}")
+            print_written([write_report(result, out / REPORT)])
+        seen = "person and robot" if with_report else "the robot"
+        print(f"\nto see {seen} move: geodesic-ocp show {shlex.quote(str(out))}")
     print_written([result.trajectory.save(each) for each in exports])
     if result.faults:
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"

@@ -25,7 +25,14 @@ from geodesic_ocp.tables import html as html_table
 
 PAGES = (".html", ".htm")
 PICTURES = (".mp4", ".gif", ".webp", ".png")
-HEIGHT = 760  # of the frame in a notebook [px]
+_HEIGHT = 760  # [px], of the frame in a notebook until its page says how tall it is
+_FIT = """<script>addEventListener("message", ({source, data}) => {
+  for (const frame of document.querySelectorAll("iframe")) {
+    if (frame.contentWindow === source && data?.geodesicOcpHeight) {
+      frame.style.height = `${Number(data.geodesicOcpHeight)}px`;
+    }
+  }
+});</script>"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,11 +41,11 @@ class Viewer:
 
     Attributes:
         playback: what is shown.
-        height: height of the frame in a notebook [px].
+        height: height of the frame in a notebook [px]; None: that of its content.
     """
 
     playback: Playback
-    height: int = HEIGHT
+    height: int | None = None
 
     def __repr__(self) -> str:
         return f"Viewer({self.playback!r})"
@@ -119,10 +126,11 @@ class Viewer:
 
     def _repr_html_(self) -> str:
         page, title = _ascii(self.html()), _ascii(plain_text(self.playback.title))
-        style = f"border: 0; height: {self.height}px; width: 100%"
+        style = f"border: 0; height: {self.height or _HEIGHT}px; width: 100%"
         # In a sandbox, its scripts cannot reach the notebook.
         allowed = 'sandbox="allow-scripts" allow="fullscreen"'
-        return f'<iframe srcdoc="{page}" title="{title}" style="{style}" {allowed}></iframe>'
+        frame = f'<iframe srcdoc="{page}" title="{title}" style="{style}" {allowed}></iframe>'
+        return frame if self.height else frame + _FIT
 
 
 def _ascii(text: str) -> str:
@@ -146,7 +154,7 @@ def show(
     title: str = "",
     layers: Collection[str] | None = None,
     open_browser: bool | None = None,
-    height: int = HEIGHT,
+    height: int | None = None,
 ) -> Viewer:
     """Show results in motion, several of them side by side: inline, in a browser or in a file.
 
@@ -169,7 +177,7 @@ def show(
             or "mobility ellipsoids"; the others can be switched on. By default most are shown.
         open_browser: whether a browser shows the page; None: outside notebooks, if no file is
             written.
-        height: height of the frame in a notebook [px].
+        height: height of the frame in a notebook [px]; None: that of its content.
 
     Returns:
         The viewer, whose `save` writes further files.
@@ -181,7 +189,7 @@ def show(
     """
     if not isinstance(title, str):
         raise TypeError(f"title must be a text, got {title!r}")
-    if not isinstance(height, int) or height <= 0:
+    if height is not None and (not isinstance(height, int) or height <= 0):
         raise ValueError(f"height must be a positive number of pixels, got {height!r}")
     playback = playback_of(*items, title=title)
     viewer = Viewer(playback if layers is None else playback.showing(layers), height)

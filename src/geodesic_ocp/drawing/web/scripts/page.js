@@ -266,6 +266,12 @@ function start() {
   });
   used = viewers[0];
   window.geodesicOcp = { viewers };
+  if (window.parent !== window) {
+    // In a frame, whose page may make it as tall as this one.
+    document.documentElement.classList.add("playback-framed");
+    const tell = () => window.parent.postMessage({ geodesicOcpHeight: document.body.offsetHeight }, "*");
+    new ResizeObserver(() => document.fullscreenElement || tell()).observe(document.body);
+  }
   document.addEventListener("keydown", (event) => {
     if (!used || event.ctrlKey || event.metaKey || event.altKey || used.help.open) return;
     const { target } = event;
