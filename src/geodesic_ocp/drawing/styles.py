@@ -45,9 +45,9 @@ SURROUNDINGS: dict[str, str] = {
     "obstacle": "#b5573f",
     "ellipsoid": "#4f7f9f",
     "gap": "#444b54",
-    "overlap": "#c0202a",
+    "overlap": "#7a0020",
     "marker": "#5a4a8a",
-    **{"x": "#c8372d", "y": "#3d8f40", "z": "#2f5fb3"},  # axes of frames
+    **{"x": "#b3241f", "y": "#5fbf4f", "z": "#2f5fb3"},  # axes of frames
 }
 # Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
 COMPARED: tuple[dict[str, Any], ...] = (
