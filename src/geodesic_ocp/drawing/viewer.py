@@ -221,6 +221,18 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
     hand, of the person's, mapped to the robot, and of inverse kinematics have the colours of the
     figure below.
 
+    >>> import tempfile
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> result = go.retarget(analysis, go.human_arm("left", height=1.95), tolerance=1e-3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     go.drawing.report(result, f"{folder}/report.html").name
+    'report.html'
+
     Args:
         retargeting: result of `retarget`.
         file: path of the page; its folder must exist.
