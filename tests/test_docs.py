@@ -124,7 +124,7 @@ def test_every_public_function_describes_its_arguments_and_has_an_example(name: 
     _, _, arguments = text.partition("\nArgs:\n")
     missing = set(inspect.signature(function).parameters) - set(re.findall(r"\w+", arguments))
     assert missing == set()
-    assert "\n>>> " in text
+    assert ">>> " in text
 
 
 def test_commands_have_these_options() -> None:

@@ -174,6 +174,7 @@ def test_markers_on_the_person_are_as_far_away_as_the_fit_says(
 def test_the_person_is_among_the_markers(fit: MarkerFit, walker: Markers) -> None:
     playback = marker_fit_playback(fit, walker)
     (scene,) = playback.scenes
+    assert [actor.translucent for actor in scene.actors] == [False, True]  # not fitted
     clouds = {cloud.name: cloud for cloud in scene.clouds}
     np.testing.assert_array_equal(clouds["recorded markers"].positions, walker.positions)
     np.testing.assert_allclose(clouds["markers on the person"].positions, fitted_positions(fit))

@@ -172,7 +172,8 @@ def markers_playback(markers: Markers) -> Playback:
 def marker_fit_playback(
     fit: MarkerFit, markers: Markers | None = None, *, title: str = ""
 ) -> Playback:
-    """Return the person that was fitted to markers, with the markers where they are on the person.
+    """Return the person that was fitted to markers, with the markers where they are on the person;
+    what was not fitted is faded.
 
     Args:
         fit: to markers.
@@ -194,6 +195,9 @@ def marker_fit_playback(
     )
     noted = "; ".join(filter(None, notes))
     scene = model_scene(model, time, q, title=title, role="predicted", note=noted)
+    fitted, *rest = scene.actors
+    faded = (replace(each, translucent=True) for each in rest)
+    scene = replace(scene, actors=(fitted, *faded))
     on_person = fitted_positions(fit)[shown]
     clouds = [PointCloud("markers on the person", on_person, fit.names, role="predicted")]
     azimuth = viewed_from(model)

@@ -88,7 +88,8 @@ class Plots {
       cursor.style.left = `${100 * across(share)}%`;
       for (const { times, values, value } of curves) {
         const now = valueAt(times, values, time);
-        value.textContent = isNaN(now) ? "–" : now.toFixed(digits).replace("-", "−");
+        const text = now.toFixed(digits).replace(/^-(?=[0.]+$)/, ""); // no negative zero
+        value.textContent = isNaN(now) ? "–" : text.replace("-", "−");
       }
     }
   }
