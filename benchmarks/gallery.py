@@ -6,8 +6,6 @@ import argparse
 import time
 from pathlib import Path
 
-import casadi as ca
-
 import geodesic_ocp as go
 from geodesic_ocp.cli.solve import problem_classes
 
@@ -56,11 +54,8 @@ def row(problem_class: type[go.Problem], options: argparse.Namespace) -> str:
         problem = problem_class()
     except ValueError as error:
         return f"| {name} | not solved: {error} |"
-    tolerance = options.tolerance
-    if problem.continuous_velocity_at_via and problem.via(ca.SX.sym("q", problem.metric.dim)):
-        tolerance = None
     start = time.perf_counter()
-    solution = go.solve(problem, tolerance=tolerance)
+    solution = go.solve(problem, tolerance=options.tolerance)
     seconds, stats = time.perf_counter() - start, solution.stats
     length_error = ""
     if problem.exact_length is not None:

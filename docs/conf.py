@@ -47,6 +47,7 @@ html_theme = "furo"
 html_title = f"geodesic_ocp {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["frames.js"]
 html_extra_path = ["_extra"]
 html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_show_sourcelink = False

@@ -118,11 +118,13 @@ def test_the_reference_lists_every_public_name() -> None:
 @pytest.mark.parametrize(
     "name", [name for name, value in public_names().items() if inspect.isfunction(value)]
 )
-def test_every_public_function_describes_its_arguments(name: str) -> None:
+def test_every_public_function_describes_its_arguments_and_has_an_example(name: str) -> None:
     function: Any = public_names()[name]
-    _, _, arguments = (inspect.getdoc(function) or "").partition("\nArgs:\n")
+    text = inspect.getdoc(function) or ""
+    _, _, arguments = text.partition("\nArgs:\n")
     missing = set(inspect.signature(function).parameters) - set(re.findall(r"\w+", arguments))
     assert missing == set()
+    assert ">>> " in text
 
 
 def test_commands_have_these_options() -> None:

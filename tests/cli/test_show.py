@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import cycle
@@ -34,7 +35,6 @@ def show(monkeypatch: pytest.MonkeyPatch) -> Show:
     """The playback that the command shows."""
     shown: list[Playback] = []
     monkeypatch.setattr(show_command, "present", lambda playback, *_: shown.append(playback))
-    monkeypatch.setattr(show_command, "require_pages", lambda: None)
 
     def playback_of(*arguments: Any) -> Playback:
         assert cli.main(["show", *map(str, arguments)]) == 0
@@ -398,14 +398,22 @@ def test_layers_and_the_time_of_a_picture(
     assert not (tmp_path / "no.png").exists()
 
 
-def test_without_the_viewer_the_extra_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_folder_of_a_retargeting_shows_its_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("geodesic_ocp.cli.terminal.find_spec", lambda name: None)
-    assert cli.main(["show", "missing"]) == 2
-    assert "pip install 'geodesic_ocp[viewer]'" in capsys.readouterr().err
-    assert cli.main(["retarget", "missing.csv", "--robot", "panda", "--report"]) == 2
-    assert "pip install 'geodesic_ocp[viewer]'" in capsys.readouterr().err
+    (tmp_path / "trajectory.npz").touch()
+    page, copy = tmp_path / "report.html", tmp_path / "copy.html"
+    page.write_text("person and robot", encoding="utf-8")
+    assert cli.main(["show", str(tmp_path), "--out", str(copy)]) == 0
+    assert copy.read_text(encoding="utf-8") == "person and robot"
+    opened: list[str] = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr("webbrowser.open", lambda address: not opened.append(address))
+    assert cli.main(["show", str(tmp_path)]) == 0
+    assert opened == [page.as_uri()]
+    os.utime(page, (0, 0))  # of an earlier trajectory, which is not shown in place of this one
+    assert cli.main(["show", str(tmp_path)]) == 2
+    assert "trajectory.npz" in capsys.readouterr().err
 
 
 def test_without_a_screen_a_page_is_written(
@@ -414,7 +422,6 @@ def test_without_a_screen_a_page_is_written(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    pytest.importorskip("meshcat", reason="needs the extra viewer")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):

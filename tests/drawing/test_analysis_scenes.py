@@ -106,7 +106,7 @@ def test_curves_of_errors_have_the_means_of_the_table(
     climb: Playback, bundled_analysis: go.Analysis
 ) -> None:
     plots = {plot.label: plot for plot in climb.plots}
-    methods = bundled_analysis.on_same_segments()
+    methods, labels = bundled_analysis.on_same_segments(), bundled_analysis.labels()
     for label, scale, field in (
         ("mean joint error [rad]", 1.0, "joint"),
         ("hand error [mm]", 1000.0, "position"),
@@ -116,7 +116,10 @@ def test_curves_of_errors_have_the_means_of_the_table(
             errors = bundled_analysis.errors[method]
             expected = scale * getattr(errors, field)
             assert np.mean(curves[name].values) == pytest.approx(expected, rel=1e-6)
-    assert [curve.role for curve in plots["hand speed [m/s]"].curves] == ["observed", "predicted"]
+    speeds = plots["hand speed [m/s]"].curves
+    assert [curve.role for curve in speeds if not curve.layer] == ["observed", "predicted"]
+    # The others are switched on with what they predict in three dimensions.
+    assert {curve.layer for curve in speeds} - {""} == set(climb.hidden) & set(labels.values())
 
 
 def test_methods_without_a_geodesic_are_left_out(bundled_analysis: go.Analysis) -> None:
@@ -131,7 +134,7 @@ def test_methods_without_a_geodesic_are_left_out(bundled_analysis: go.Analysis) 
     )
     playback = analysis_playback(lacking)
     assert "geodesics, kinetic energy" not in playback.scenes[0].layers
-    assert all(len(plot.curves) == 2 for plot in playback.plots)
+    assert all(sum(not curve.layer for curve in plot.curves) == 2 for plot in playback.plots)
 
 
 @pytest.mark.slow
@@ -182,6 +185,7 @@ def test_markers_on_the_person_are_as_far_away_as_the_fit_says(
 def test_the_person_is_among_the_markers(fit: MarkerFit, walker: Markers) -> None:
     playback = marker_fit_playback(fit, walker)
     (scene,) = playback.scenes
+    assert [actor.translucent for actor in scene.actors] == [False, True]  # not fitted
     clouds = {cloud.name: cloud for cloud in scene.clouds}
     np.testing.assert_array_equal(clouds["recorded markers"].positions, walker.positions)
     np.testing.assert_allclose(clouds["markers on the person"].positions, fitted_positions(fit))

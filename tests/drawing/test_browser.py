@@ -203,6 +203,28 @@ def test_every_way_to_a_time(
     assert not ask(page, "viewer.playing")
 
 
+def test_plots_show_values_at_the_cursor_and_curves_of_layers(
+    page_of: Callable[[str], Any], playback: Callable[[str], Playback]
+) -> None:
+    page, shown = page_of("analysis"), playback("analysis")
+    ask(page, "viewer.seek(2.5)")
+    (index,) = (k for k, plot in enumerate(shown.plots) if plot.label == "hand speed [m/s]")
+    figure, curves = page.locator(".playback-plot").nth(index), shown.plots[index].curves
+    values = figure.locator("b").all_text_contents()
+    for curve, value in zip(curves, values, strict=True):
+        now = float(value.replace("\u2212", "-"))
+        assert now == pytest.approx(np.interp(2.5, curve.time, curve.values), abs=0.006)
+    layer = next(curve.layer for curve in curves if curve.layer)
+    entry, lines = figure.get_by_text(layer), figure.locator("div path").all()
+    for on in (True, False):
+        ask(page, f"viewer.setLayer({layer!r}, {str(on).lower()})")
+        assert entry.is_visible() == on
+        boxes = [line.bounding_box() for line in lines if line.is_visible()]
+        assert len(boxes) == on
+        axes = figure.locator("div svg").bounding_box()
+        assert all(box["width"] == near(axes["width"], 2.0) for box in boxes)
+
+
 def test_layers_are_switched(page_of: Callable[[str], Any]) -> None:
     page = page_of("path")
     ask(page, "viewer.seek(0.4)")
@@ -315,11 +337,11 @@ def test_a_view_that_the_browser_closes_says_so(browser: Any, file: File) -> Non
     """Browsers keep some views open, and close the oldest when a page or notebook has more."""
     with opened(browser, file("path"), width=WIDTH, height=560) as page:
         assert not page.get_by_text("closed this view").is_visible()
-        ask(page, "viewer.panes[0].viewer.renderer.forceContextLoss()")
+        ask(page, "viewer.panes[0].renderer.forceContextLoss()")
         page.get_by_text("closed this view").wait_for(state="visible")
         ask(page, "viewer.seek(0.5)")
         assert ask(page, "viewer.time") == 0.5
-        ask(page, "viewer.panes[0].viewer.renderer.forceContextRestore()")
+        ask(page, "viewer.panes[0].renderer.forceContextRestore()")
         page.get_by_text("closed this view").wait_for(state="hidden")
 
 
@@ -340,6 +362,8 @@ def test_a_notebook_shows_the_same_in_a_frame(
         frame = page.frames[1]
         frame.evaluate("geodesicOcp.viewers[0].seek(0.5)")
         assert frame.get_by_label("time", exact=True).inner_text() == "s = 0.50"
+        content = frame.evaluate("document.body.offsetHeight")
+        assert page.locator("iframe").bounding_box()["height"] == near(content, 2.0)
         before = pictures(page, "iframe")[0]
         frame.evaluate("document.querySelector('canvas').style.visibility = 'hidden'")
         assert changed_fraction(before, pictures(page, "iframe")[0], BODY) > 0.01

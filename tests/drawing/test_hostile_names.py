@@ -68,8 +68,10 @@ def test_names_are_shown_and_not_run(browser: Any, evil: Playback, tmp_path: Pat
         script, closing, image, _, comment, template = EVIL
         assert ask(page, "viewer.panes.length") == 2
         assert page.title() == page.locator("h1").inner_text() == closing
-        captions = page.locator("figcaption").all_inner_texts()
+        captions = page.locator(".playback-pane figcaption").all_inner_texts()
         assert captions == [f"{closing} {image}", f"{script} {image}"]
+        legend = page.locator(".playback-plot figcaption > span").all_inner_texts()
+        assert legend == [f"{name} {k}.00" for k, name in enumerate(EVIL)]
         assert page.locator(".playback-spans button").all_text_contents() == [image, comment]
         for name in (image, comment, template):
             page.get_by_label(name, exact=True).click()
@@ -89,7 +91,7 @@ def test_a_robot_called_script(browser: Any, tmp_path: Path) -> None:
     motion = go.Motion(np.linspace(0.0, 1.0, 11), q, tuple(model.joint_names))
     file = Viewer(playback_of(motion, model)).save(tmp_path / "robot.html")
     with opened(browser, file, width=WIDTH, height=560) as page:
-        assert robot in page.locator("figcaption").inner_text()
+        assert robot in page.locator(".playback-pane figcaption").inner_text()
         assert any(joint in image.get_attribute("alt") for image in page.locator("img").all())
         assert changed_fraction(panes(page)[0], panes(page, canvas=False)[0], BODY) > 0.005
         assert page.evaluate("typeof window.hacked") == "undefined"

@@ -7,9 +7,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from geodesic_ocp.drawing.page import fragment
 from geodesic_ocp.drawing.plots import draw_plot
-from geodesic_ocp.drawing.scene import SECONDS, Curve, Plot, Span
-from geodesic_ocp.drawing.styles import ROLES
+from geodesic_ocp.drawing.scene import SECONDS, Curve, Playback, Plot, Scene, Span
+from geodesic_ocp.drawing.styles import ROLES, line_styles
 
 SVG = "{http://www.w3.org/2000/svg}"
 TIME = np.linspace(0.0, 2.0, 2001)
@@ -18,7 +19,7 @@ SPANS = [Span("a", 0.0, 0.5), Span("b", 0.5, 1.5), Span("c", 1.5, 2.0)]
 
 def drawn(
     *curves: Curve, label: str = "speed [m/s]", title: str = "", spans: tuple[Span, ...] = ()
-) -> tuple[ElementTree.Element, tuple[float, float, float, float]]:
+) -> tuple[ElementTree.Element, tuple[float, ...]]:
     svg, place = draw_plot(Plot(label, curves, title), (0.0, 2.0), SECONDS, spans)
     return ElementTree.fromstring(svg), place
 
@@ -39,36 +40,39 @@ def strokes(svg: ElementTree.Element, colour: str) -> list[np.ndarray]:
 
 def test_the_time_axis_is_where_the_cursor_believes_it() -> None:
     colour = ROLES["observed"]["color"]
-    svg, (left, right, bottom, top) = drawn(Curve("c", TIME, TIME**2, "observed"))
+    switched = Curve("d", TIME, 2.0 * TIME**2, layer="another")  # is given room, but not drawn
+    svg, (left, right, bottom, top, low, high) = drawn(
+        Curve("c", TIME, TIME**2, "observed"), switched
+    )
     _, _, width, height = map(float, svg.get("viewBox", "").split())
-    line = max(strokes(svg, colour), key=len)  # the curve, not its mark in the legend
+    (line,) = strokes(svg, colour)
     np.testing.assert_allclose(line[[0, -1], 0], [left * width, right * width], atol=0.1)
-    assert np.all(line[:, 1] > (1.0 - top) * height)
-    assert np.all(line[:, 1] < (1.0 - bottom) * height)
+    shares = (np.array([0.0, 4.0]) - low) / (high - low)
+    expected = height * (1.0 - bottom - shares * (top - bottom))
+    np.testing.assert_allclose(line[[0, -1], 1], expected, atol=0.1)
+    assert high > 8.0
+    assert not strokes(svg, line_styles(1)[0]["color"])
 
 
-def test_curves_have_the_colours_and_names_of_their_roles() -> None:
+def test_curves_have_the_colours_of_their_roles() -> None:
     curves = [Curve(role, TIME, TIME * k, role) for k, role in enumerate(ROLES)]
     svg, _ = drawn(*curves, Curve("another", TIME, TIME - 1.0))
-    assert {*ROLES, "another", "speed [m/s]", "time [s]"} <= set(texts(svg))
+    assert {"speed [m/s]", "time [s]"} <= set(texts(svg))
     for style in ROLES.values():
-        assert len(strokes(svg, style["color"])) == 2  # and in the legend
+        assert len(strokes(svg, style["color"])) == 1
 
 
 def test_names_are_text_whatever_they_contain() -> None:
-    names = ["_first", "$x^2$", "<script>", "a & b", "\u95a2\u7bc0", "nul\x00 and\nline"]
-    svg, _ = drawn(*(Curve(name, TIME, TIME) for name in names), label="$q$ [rad]", title="<b>")
-    shown = texts(svg)
-    assert {"_first", "$x^2$", "<script>", "a & b", "\u95a2\u7bc0", "$q$ [rad]", "<b>"} <= set(
-        shown
-    )
-    assert "nul  and line" in shown
+    title = "_first $x^2$ <script> a & b \u95a2\u7bc0 nul\x00 and\nline"
+    svg, _ = drawn(Curve("c", TIME, TIME), label="$q$ [rad]", title=title)
+    assert "$q$ [rad]" in texts(svg)
+    assert "_first $x^2$ <script> a & b \u95a2\u7bc0 nul  and line" in texts(svg)
 
 
 def test_names_that_no_file_can_hold_are_made_plain() -> None:
-    plot = Plot("q", (Curve("caf\udce9", TIME, TIME),), "a\u202eb")
+    plot = Plot("q", (Curve("c", TIME, TIME),), "a\u202eb")
     svg, _ = draw_plot(plot, (0.0, 2.0), "t\x00 [s]", ())
-    assert {"caf\ufffd", "a b", "t  [s]"} <= set(texts(ElementTree.fromstring(svg)))
+    assert {"a b", "t  [s]"} <= set(texts(ElementTree.fromstring(svg)))
 
 
 def test_every_second_span_is_shaded() -> None:
@@ -79,10 +83,13 @@ def test_every_second_span_is_shaded() -> None:
     assert count[1] == count[0] + 1
 
 
-def test_lines_that_are_marked_have_a_name() -> None:
-    plot = Plot("x [m]", (Curve("c", TIME, TIME),), marks=(0.5, 1.5), marked="limits")
-    svg, _ = draw_plot(plot, (0.0, 2.0), SECONDS, ())
-    assert texts(ElementTree.fromstring(svg)).count("limits") == 1
+def test_the_legend_names_curves_and_marks() -> None:
+    curves = (Curve("one", TIME, TIME), Curve("other", TIME, TIME, layer="another"))
+    plot = Plot("x [m]", curves, marks=(0.5, 1.5), marked="limits")
+    page = fragment(Playback("", (Scene("", TIME[[0, -1]]),), {}, (plot,)))
+    (legend,) = re.findall("<figcaption>(<span.*?)</figcaption>", page)
+    entries = re.findall(r"<span( hidden)?>.*?</svg>(\w+) <b></b></span>", legend)
+    assert entries == [("", "one"), (" hidden", "other"), ("", "limits")]
 
 
 def test_a_plot_is_small_and_always_the_same() -> None:

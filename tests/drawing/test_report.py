@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import html.parser
-import re
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,6 @@ from small_retargeting import both_arms, small_retargeting
 
 import geodesic_ocp as go
 
-pytest.importorskip("meshcat", reason="needs the extra viewer")
 EVIL = '<script>alert("1")</script>'
 
 pytestmark = pytest.mark.slow
@@ -90,18 +87,8 @@ def test_a_failure_leaves_what_was_there(page: Path, tmp_path: Path) -> None:
         go.drawing.report(small_retargeting(), tmp_path / "missing" / "report.html")
 
 
-def test_without_the_viewer_the_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("geodesic_ocp.drawing.page.find_spec", lambda name: None)
-    with pytest.raises(ImportError, match=re.escape("pip install 'geodesic_ocp[viewer]'")):
-        go.drawing.report(small_retargeting(), tmp_path / "report.html")
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_page_opens_in_a_browser(tmp_path: Path) -> None:
     """Both panes are drawn, also those of two arms, and nothing is logged."""
-    assert version("meshcat")
     files = [
         go.drawing.report(small_retargeting(2.5, EVIL), tmp_path / "one.html"),
         go.drawing.report(both_arms(), tmp_path / "both.html"),

@@ -22,11 +22,6 @@ STILL = Playback(
 )
 
 
-@pytest.fixture(autouse=True)
-def _has_meshcat() -> None:
-    pytest.importorskip("meshcat")
-
-
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     """Addresses that a browser was asked for."""

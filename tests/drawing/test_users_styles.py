@@ -14,7 +14,7 @@ import pytest
 from geodesic_ocp.drawing.plots import draw_plot
 from geodesic_ocp.drawing.save_video import frames
 from geodesic_ocp.drawing.scene import SECONDS, Curve, Playback, Plot, Scene, Span
-from geodesic_ocp.drawing.styles import ROLES, added_style, mixed, own_style
+from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, added_style, mixed, own_style
 
 TIME = np.linspace(0.0, 1.0, 21)
 CURVES = (Curve("a_$1", TIME, TIME, "observed"), Curve("b & c", TIME, TIME**2))
@@ -36,6 +36,7 @@ VISION = {
     "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
     "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
 }
+_TOGETHER = [("obstacle", "gap", "overlap"), "xyz"]
 _XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 
 
@@ -49,10 +50,13 @@ def lab(colour: str, vision: Any) -> np.ndarray:
 
 
 @pytest.mark.parametrize("vision", VISION.values(), ids=VISION)
-def test_colours_of_roles_differ_for_everybody(vision: Any) -> None:
-    seen = [lab(style["color"], vision) for style in ROLES.values()]
-    distances = [np.linalg.norm(a - b) for a, b in combinations(seen, 2)]
-    assert min(distances) > 15.0  # about six times what is just noticed
+def test_colours_of_what_is_seen_together_differ_for_everybody(vision: Any) -> None:
+    roles = [style["color"] for style in ROLES.values()]
+    around = [[SURROUNDINGS[name] for name in names] for names in _TOGETHER]
+    for colours in (roles, *around):
+        seen = [lab(colour, vision) for colour in colours]
+        distances = [np.linalg.norm(a - b) for a, b in combinations(seen, 2)]
+        assert min(distances) > 15.0  # about six times what is just noticed
 
 
 @pytest.mark.slow

@@ -40,6 +40,7 @@ _RECORDS: dict[str, Kind] = {
     RESULT: "result",
 }
 _TRAJECTORY = "trajectory.npz"  # of retarget, beside the same as .csv and .json
+REPORT = "report.html"  # of retarget --report, beside it
 _ROBOTS = ("robot", "mujoco")  # root elements of URDF and Simox files, and of MJCF
 
 
@@ -125,6 +126,14 @@ def _has_positions(file: Path) -> bool:
             return {"position.npy", "joint_names.npy"} <= set(archive.namelist())
     except zipfile.BadZipFile:
         raise RecordingError(f"{file}: is a damaged archive") from None
+
+
+def retargeting_page(folder: Path) -> Path | None:
+    """Return the page that retarget wrote to a folder, if it is of the trajectory there."""
+    page, trajectory = folder / REPORT, folder / _TRAJECTORY
+    if not (page.is_file() and trajectory.is_file()):
+        return None
+    return page if page.stat().st_mtime >= trajectory.stat().st_mtime else None
 
 
 def folder_files(folder: Path) -> list[Path]:

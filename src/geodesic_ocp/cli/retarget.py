@@ -12,6 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from geodesic_ocp.cli.analyse import analyse_bundled, analyse_file, save_analysis
+from geodesic_ocp.cli.kinds import REPORT
 from geodesic_ocp.cli.options import (
     AnalysisOptions,
     Flag,
@@ -27,8 +28,6 @@ from geodesic_ocp.cli.terminal import (
     print_written,
     printed_warnings,
     progress,
-    require_pages,
-    why_no_pages,
 )
 from geodesic_ocp.drawing.viewer import report as write_report
 from geodesic_ocp.model.anthropometry import Side, Sides
@@ -48,7 +47,6 @@ from geodesic_ocp.trajectory.joint_trajectory import check_export
 
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed
-_REPORT = "report.html"
 Mount: TypeAlias = Literal["auto", "fixed"]
 # One alignment for each hand; None: the default, from which the robot may be moved.
 _Arm: TypeAlias = tuple[Model, list[Alignment] | None]
@@ -112,8 +110,6 @@ def retarget(
     check_folder(out)
     for wanted in export or ():
         check_export(wanted)
-    if report:
-        require_pages()
     if mount == "auto" and len(robot) > 1:
         raise ValueError("--mount auto: for one --robot; two arms of one cannot be moved apart")
     of_arms = hand or (), base or (), alignment or ()
@@ -156,15 +152,11 @@ def demo(
         save_analysis(analyse_bundled(settings), out, settings, with_curve=True)
         return 0
     arms = _arms([robot], ["left"])
-    if missing := why_no_pages():
-        print(f"note: no {_REPORT} will be written: {missing}")
     analysis = analyse_bundled(settings)
     save_analysis(analysis, out, settings)
     print()
     transfer = RetargetingSettings(limits=limits, speed_limits=limits)
-    return _transfer(
-        [analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, not missing
-    )
+    return _transfer([analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, True)
 
 
 def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]) -> _Arm:
@@ -266,9 +258,9 @@ def _transfer(
             for aligned, name in zip(placed.alignments, names or [""], strict=True):
                 print_written([aligned.save(out / f"alignment{name}.json", notes)])
         if with_report:
-            print_written([write_report(result, out / _REPORT)])
-        else:
-            print(f"\nto see the robot move: geodesic-ocp show {shlex.quote(str(out))}")
+            print_written([write_report(result, out / REPORT)])
+        seen = "person and robot" if with_report else "the robot"
+        print(f"\nto see {seen} move: geodesic-ocp show {shlex.quote(str(out))}")
     print_written([result.trajectory.save(each) for each in exports])
     if result.faults:
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"

@@ -11,10 +11,12 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from geodesic_ocp.cli.kinds import retargeting_page
 from geodesic_ocp.cli.playbacks import Shown
-from geodesic_ocp.cli.terminal import check_folder, progress, require_pages
+from geodesic_ocp.cli.terminal import check_folder, print_written, progress
 from geodesic_ocp.drawing.scene import Playback, beside
-from geodesic_ocp.drawing.viewer import PAGES, PICTURES, Viewer
+from geodesic_ocp.drawing.viewer import PAGES, PICTURES, Viewer, open_page
+from geodesic_ocp.records import write_file
 
 _SUFFIXES = (PAGES[0], *PICTURES)
 _PICTURE = ".png"
@@ -45,7 +47,8 @@ def show(
         file: what to show: recordings of joint angles, skeletons or markers; folders that analyse,
             retarget or solve wrote; synergies, trajectories, solutions and alignments; problems
             (.py), which are solved; robots (a file or a name). Several are shown side by side;
-            synergies and their recording, given together, are shown in one pane.
+            synergies and their recording, given together, are shown in one pane. Of a folder of
+            retarget --report, its page: person, robot and synergies.
         out: page (.html), video (.mp4), animation (.gif, .webp) or picture (.png) to write in place
             of opening a browser.
         title: title of the page.
@@ -58,16 +61,33 @@ def show(
 
     Raises:
         ValueError: a file cannot be read or shown, or options do not fit; names the file.
-        ImportError: the extra viewer is not installed.
+        ImportError: ffmpeg, which an .mp4 needs, is not installed.
         OSError: the page cannot be written.
     """
     options = {"width": width, "rate": rate, "speed": speed, "at": at}
     given = {name: value for name, value in options.items() if value is not None}
     check_destination(out, given)
+    is_page = out is None or out.suffix.lower() in PAGES
+    plain = is_page and not title and layers is None and shown == Shown()
+    if plain and len(file) == 1 and (page := retargeting_page(Path(file[0]))):
+        _present_page(page, out)
+        return
     playback = beside(shown.playbacks(file), title=title)
     if layers is not None:
         playback = playback.showing([name.strip() for name in layers.split(",")])
     present(playback, file, out, given)
+
+
+def _present_page(page: Path, out: Path | None) -> None:
+    """Open a page, or write it elsewhere, or say where it is."""
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        print_written([write_file(out, page.read_text(encoding="utf-8"))])
+    elif _has_screen():
+        open_page(page)
+        print(f"opened {page}")
+    else:
+        print(f"There is no screen here: open {page} in a browser elsewhere.")
 
 
 def check_destination(out: Path | None, given: Mapping[str, Any]) -> None:
@@ -79,7 +99,6 @@ def check_destination(out: Path | None, given: Mapping[str, Any]) -> None:
 
     Raises:
         ValueError: the options do not fit the file, or it cannot be written.
-        ImportError: the extra viewer is not installed.
     """
     if out is not None:
         if out.is_dir():
@@ -88,7 +107,6 @@ def check_destination(out: Path | None, given: Mapping[str, Any]) -> None:
             raise ValueError(f"--out {out}: the file must end in {', '.join(_SUFFIXES)}")
         check_folder(out.parent)
     if out is None or out.suffix.lower() in PAGES:
-        require_pages()
         _check_absent(
             given, tuple(given), "of videos and pictures only; give --out FILE.mp4 or .png"
         )
@@ -116,7 +134,7 @@ def present(
 
     Raises:
         ValueError: there is no such layer or time.
-        ImportError: the extra viewer is not installed.
+        ImportError: ffmpeg, which an .mp4 needs, is not installed.
         OSError: the file cannot be written.
     """
     viewer = Viewer(playback)

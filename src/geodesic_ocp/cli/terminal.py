@@ -8,13 +8,10 @@ import threading
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from geodesic_ocp.progress import ProgressBar
-
-_NO_PAGES = "the page needs Meshcat: pip install 'geodesic_ocp[viewer]'"
 
 
 class Interrupts:
@@ -90,18 +87,3 @@ def check_folder(folder: Path | None) -> None:
     nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK):
         raise ValueError(f"--out {folder}: cannot write to {nearest}")
-
-
-def why_no_pages() -> str:
-    """Return why no page of the viewer can be made here; empty if pages can be made."""
-    return _NO_PAGES if find_spec("meshcat") is None else ""
-
-
-def require_pages() -> None:
-    """Check that pages of the viewer can be made.
-
-    Raises:
-        ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
-    """
-    if reason := why_no_pages():
-        raise ImportError(reason)

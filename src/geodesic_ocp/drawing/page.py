@@ -9,8 +9,6 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib.resources import files
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,10 +19,10 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import Actor
 from geodesic_ocp.drawing.camera import first_view
 from geodesic_ocp.drawing.panes import TINT
-from geodesic_ocp.drawing.plots import draw_plot
+from geodesic_ocp.drawing.plots import curve_styles, draw_plot
 from geodesic_ocp.drawing.rendering import creased
 from geodesic_ocp.drawing.scene import PARAMETER, Playback, Plot, Scene, Trail, plain_text
-from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed
+from geodesic_ocp.drawing.styles import NEUTRAL, ROLES, SURROUNDINGS, mixed
 from geodesic_ocp.model.look import Mesh
 
 _SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "keys.js", "plots.js", "page.js")
@@ -43,14 +41,10 @@ def document(title: str, body: str) -> str:
     Args:
         title: title of the page, as plain text; it is escaped. The body has its own heading.
         body: HTML, such as `f"<h1>{html.escape(title)}</h1>{fragment(playback)}"`.
-
-    Raises:
-        ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
     """
-    folder = files("geodesic_ocp.drawing") / "web"
-    style = (folder / "page.css").read_text(encoding="utf-8")
-    own = "\n".join((folder / "scripts" / name).read_text(encoding="utf-8") for name in _SCRIPTS)
-    scripts = _library(), f'\n(function () {{\n"use strict";\n{own}}})();\n'
+    style, licence, three = map(_read, ("page.css", "LICENSE.three", "three.min.js"))
+    own = "\n".join(_read(f"scripts/{name}") for name in _SCRIPTS)
+    scripts = f"\n/*!\n{licence}*/\n{three}", f'\n(function () {{\n"use strict";\n{own}}})();\n'
     policy = " ".join([_POLICY, *map(_source, scripts)])
     programs = "\n".join(f"<script>{script}</script>" for script in scripts)
     return f"""<!DOCTYPE html>
@@ -77,15 +71,8 @@ def _source(script: str) -> str:
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
-def _library() -> str:
-    """Return meshcat's JavaScript with the licences of what it contains."""
-    found = find_spec("meshcat")  # importing it would import its web server
-    if found is None or found.origin is None:
-        raise ImportError("the viewer needs meshcat: pip install 'geodesic_ocp[viewer]'")
-    folder = Path(found.origin).parent / "viewer"
-    names = ("LICENSE", "dist/main.min.js.LICENSE.txt", "dist/main.min.js")
-    licence, others, script = ((folder / name).read_text(encoding="utf-8") for name in names)
-    return f"\n/*!\nMeshcat\n{licence}*/\n{others}\n{script}\n"
+def _read(name: str) -> str:
+    return (files("geodesic_ocp.drawing") / "web" / name).read_text(encoding="utf-8")
 
 
 _STEPS = 32767  # on either side of the middle, in 16 bits
@@ -121,10 +108,14 @@ Shapes = dict[tuple[bytes, bytes], int]  # numbers of the meshes that were met s
 
 
 def described(playback: Playback) -> dict[str, Any]:
-    """Return everything that is drawn in three dimensions, and the spans; see scripts/page.js."""
+    """Return everything that is drawn in three dimensions, the spans, and the curves of the plots;
+    see scripts/page.js.
+    """
     shapes: Shapes = {}
     bodies: list[dict[str, Any]] = []
+    times: list[dict[str, Any]] = []
     scenes = [_scene(scene, shapes, bodies) for scene in playback.scenes]
+    plots = [_curves(plot, times) for plot in playback.plots]
     data = {
         "range": playback.range,
         "parameter": playback.time_label == PARAMETER,
@@ -138,6 +129,8 @@ def described(playback: Playback) -> dict[str, Any]:
         "colours": SURROUNDINGS,
         "bodies": bodies,
         "scenes": scenes,
+        "times": times,
+        "plots": plots,
     }
     return {name: _plain(value) for name, value in data.items()}
 
@@ -151,11 +144,28 @@ def _plain(data: Any) -> Any:
     return [_plain(value) for value in data] if isinstance(data, list | tuple) else data
 
 
+def _curves(plot: Plot, times: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the curves of a plot; several have the same times, which are listed once."""
+    found = []
+    for curve, look in zip(plot.curves, curve_styles(plot), strict=True):
+        if (time := packed(curve.time[:, None])) not in times:
+            times.append(time)
+        values = packed(np.asarray(curve.values)[:, None])
+        mark = {"colour": look["color"], "dash": _dash(look), "layer": curve.layer}
+        found.append({**mark, "time": times.index(time), "values": values})
+    return found
+
+
+def _dash(style: Mapping[str, Any]) -> Any:
+    """Return lengths of dash and gap in widths of the line; None for a solid line."""
+    line = style.get("linestyle", "-")
+    return None if line == "-" else line[1]
+
+
 def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:
     """Return colours of lines and bodies, and lengths of dash and gap in widths of the line."""
-    line = style.get("linestyle")
     body = [round(each, 4) for each in mixed(style["color"], TINT)]
-    return {"colour": style["color"], "body": body, "dash": line[1] if line else None}
+    return {"colour": style["color"], "body": body, "dash": _dash(style)}
 
 
 def _scene(scene: Scene, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[str, Any]:
@@ -301,15 +311,34 @@ def _pane(scene: Scene) -> str:
 
 
 def _figure(plot: Plot, drawing: tuple[str, tuple[float, ...]]) -> str:
+    """Return a plot with its legend, in which the page writes the values at the cursor."""
     svg, place = drawing
     source = base64.b64encode(svg.encode()).decode("ascii")
-    axes = " ".join(f"{edge:.5f}" for edge in place)
+    axes = " ".join(f"{edge:.7g}" for edge in place)
     text = f"{plot.title}: {plot.label}" if plot.title else plot.label
     curves = ", ".join(curve.name for curve in plot.curves)
+    entries = [
+        (curve.name, look, bool(curve.layer))
+        for curve, look in zip(plot.curves, curve_styles(plot), strict=True)
+    ]
+    if plot.marks and plot.marked:
+        entries.append((plot.marked, NEUTRAL, False))
+    legend = "".join(_entry(*each) for each in entries)
     return (
         f'<figure class="playback-plot" data-axes="{axes}">'
-        f'<img alt="{_escaped(f"{text} of {curves}")}" draggable="false" '
-        f'src="data:image/svg+xml;base64,{source}"></figure>'
+        f'<div><img alt="{_escaped(f"{text} of {curves}")}" draggable="false" '
+        f'src="data:image/svg+xml;base64,{source}"></div>'
+        f"<figcaption>{legend}</figcaption></figure>"
+    )
+
+
+def _entry(name: str, style: Mapping[str, Any], hidden: bool) -> str:
+    """Return a name in a legend, after a piece of its line."""
+    dash = " ".join(f"{2 * each:g}" for each in _dash(style) or ())
+    return (
+        f"<span{' hidden' * hidden}>"
+        f'<svg viewBox="0 0 26 4"><path d="M0 2h26" stroke="{style["color"]}" stroke-width="2" '
+        f'stroke-dasharray="{dash}"/></svg>{_escaped(name)} <b></b></span>'
     )
 
 

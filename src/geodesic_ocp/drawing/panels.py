@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -191,8 +191,10 @@ def _axes(figure: Any, place: Layout, left: float, top: float, width: float, hei
 def _charts(figure: Any, playback: Playback, place: Layout) -> list[Moving]:
     """Draw the plots, with a cursor and dots where it crosses the curves."""
     moving: list[Moving] = []
-    for plot, (left, top, width, height) in zip(playback.plots, place.plots, strict=False):
+    for whole, (left, top, width, height) in zip(playback.plots, place.plots, strict=False):
         unit = place.unit
+        shown = (each for each in whole.curves if each.layer not in playback.hidden)
+        plot = replace(whole, curves=tuple(shown))
         above = 24 * unit + legend_size(plot, width / unit - 60)[1] * ROW * unit
         sides = left + 46 * unit, top + above, width - 60 * unit, height - above - 38 * unit
         axes = _axes(figure, place, *sides)

@@ -35,16 +35,20 @@ def plot_style(settings: dict[Any, Any]) -> Iterator[None]:
         yield
 
 
+def curve_styles(plot: Plot) -> list[dict[str, Any]]:
+    """Return the line style of each curve, as Matplotlib names it."""
+    series = iter(line_styles(sum(curve.role is None for curve in plot.curves)))
+    return [next(series) if curve.role is None else ROLES[curve.role] for curve in plot.curves]
+
+
 def _draw_curves(
     axes: Axes, plot: Plot, limits: tuple[float, float], label: str, spans: Sequence[Span]
 ) -> list[Line2D]:
     """Draw the curves and marks, every second span shaded; return the lines of the curves."""
     for span in spans[1::2]:
         axes.axvspan(span.start, span.stop, color="#e9eef4", linewidth=0.0, zorder=0)
-    series = iter(line_styles(sum(curve.role is None for curve in plot.curves)))
     lines = []
-    for curve in plot.curves:
-        look = next(series) if curve.role is None else ROLES[curve.role]
+    for curve, look in zip(plot.curves, curve_styles(plot), strict=True):
         front = 2.1 if curve.role == "predicted" else 2.0
         lines += axes.plot(curve.time, curve.values, **look, zorder=front)
     for value in plot.marks:
@@ -60,21 +64,19 @@ def _named(name: str) -> str:
     return f" {plain_text(name)}"
 
 
-_WIDTH, _HEIGHT = 5.4, 2.9  # [inch], of which a page shows one in about 72 pixels
+_WIDTH, _HEIGHT = 5.4, 2.5  # [inch], of which a page shows one in about 72 pixels
 _TITLE = 66  # characters of a line of the title at this width
-_CHARACTERS, _HANDLE = 84, 8  # of a legend's line at this width, and of the mark before a name
-_LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "fontsize": 8.5}
 _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # more are not seen
 
 
 def draw_plot(
     plot: Plot, limits: tuple[float, float], label: str, spans: Sequence[Span]
-) -> tuple[str, tuple[float, float, float, float]]:
-    """Return an SVG of a plot, and left, right, bottom and top of its axes as fractions of its
-    size.
+) -> tuple[str, tuple[float, ...]]:
+    """Return an SVG of a plot without a legend; left, right, bottom and top of its axes as
+    fractions of its size; and the values at their bottom and top.
 
     Args:
-        plot: what is drawn; every second span is shaded.
+        plot: what is drawn; every second span is shaded. Curves of layers only have room.
         limits: limits of the time axis.
         label: label of the time axis.
     """
@@ -84,20 +86,17 @@ def draw_plot(
         lines = _draw_curves(axes, plot, limits, label, spans)
         axes.set_ylabel(plain_text(plot.label))
         axes.set_title(textwrap.fill(plain_text(plot.title), _TITLE), fontsize=10, loc="left")
-        names = [_named(curve.name) for curve in plot.curves]
-        if plot.marks and plot.marked:
-            lines.append(axes.get_lines()[-1])
-            names.append(_named(plot.marked))
-        columns = max(1, min(4, _CHARACTERS // (max(map(len, names)) + _HANDLE)))
-        figure.legend(lines, names, ncols=columns, **_LEGEND)
+        for line, curve in zip(lines, plot.curves, strict=True):
+            line.set_visible(not curve.layer)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
-        place = axes.get_position()
+        place, (low, high) = axes.get_position(), axes.get_ylim()
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None})
     svg = file.getvalue()
     drawn = _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), svg[svg.index("<svg") :])
-    return drawn, (float(place.x0), float(place.x1), float(place.y0), float(place.y1))
+    edges = (place.x0, place.x1, place.y0, place.y1, low, high)
+    return drawn, tuple(float(edge) for edge in edges)
 
 
 MOST_NAMED = 8  # curves in a legend

@@ -78,7 +78,7 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         title or f"{model.name}, {len(analysis.synergies)} geodesic synergies",
         (scene,),
         {"synergies": spans if spread is None else marked(spans, spread.marks)},
-        _plots(analysis, shown),
+        _plots(analysis, shown, others),
         azimuth=viewed_from(model),
         hidden=(*Playback.hidden, *(labels[name] for name in others)),
     )
@@ -116,7 +116,7 @@ def synergy_spans(synergies: Sequence[Synergy]) -> tuple[Span, ...]:
     return tuple(spans)
 
 
-def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
+def _plots(analysis: Analysis, shown: Indices, others: Sequence[str]) -> tuple[Plot, ...]:
     model, motion, predicted = analysis.model, analysis.motion, analysis.predicted
     time = motion.time[shown]
     roles = {name: _role(analysis, method) for method, name in analysis.on_same_segments().items()}
@@ -132,17 +132,24 @@ def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
 
     plots = [errors("mean joint error [rad]", joints)]
     plots += [errors(f"{label} error [mm]", each, 1000.0) for label, each in hands.items()]
-    both: dict[str, tuple[Motion, Role]] = {
+    every: dict[str, tuple[Motion, Role]] = {
         "observed": (motion, "observed"),
         "predicted": (predicted, "predicted"),
     }
+    labels = analysis.labels()
+    layers = {labels[name]: (analysis.predictions[name], _role(analysis, name)) for name in others}
+    every |= layers
+    moving = []
     for column in _widest(model, motion.q):
         curves = tuple(
-            Curve(name, time, each.q[shown, column], role) for name, (each, role) in both.items()
+            Curve(name, time, each.q[shown, column], role) for name, (each, role) in every.items()
         )
         label = f"{short_name(model.joint_names[column])} [{model.units[column]}]"
-        plots.append(Plot(label, curves))
-    return (*plots, *hand_speed_plots(model, both, shown))
+        moving.append(Plot(label, curves))
+    for plot in (*moving, *hand_speed_plots(model, every, shown)):
+        switched = (replace(each, layer=each.name * (each.name in layers)) for each in plot.curves)
+        plots.append(replace(plot, curves=tuple(switched)))
+    return tuple(plots)
 
 
 def _widest(model: Model, q: Array) -> list[int]:
@@ -172,7 +179,8 @@ def markers_playback(markers: Markers) -> Playback:
 def marker_fit_playback(
     fit: MarkerFit, markers: Markers | None = None, *, title: str = ""
 ) -> Playback:
-    """Return the person that was fitted to markers, with the markers where they are on the person.
+    """Return the person that was fitted to markers, with the markers where they are on the person;
+    what was not fitted is faded.
 
     Args:
         fit: to markers.
@@ -194,6 +202,9 @@ def marker_fit_playback(
     )
     noted = "; ".join(filter(None, notes))
     scene = model_scene(model, time, q, title=title, role="predicted", note=noted)
+    fitted, *rest = scene.actors
+    faded = (replace(each, translucent=True) for each in rest)
+    scene = replace(scene, actors=(fitted, *faded))
     on_person = fitted_positions(fit)[shown]
     clouds = [PointCloud("markers on the person", on_person, fit.names, role="predicted")]
     azimuth = viewed_from(model)

@@ -259,12 +259,14 @@ class Curve(ShortRepr):
         time: (k,), increasing.
         values: (k,), in the unit of the plot.
         role: role whose colour and dashes it has; None: one of a series of line styles.
+        layer: name of the switch that shows it, with what has it in the scenes; "": always shown.
     """
 
     name: str
     time: Array
     values: Array
     role: Role | None = None
+    layer: str = ""
 
     _shown = ("name", "time")
 

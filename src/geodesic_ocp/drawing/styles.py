@@ -46,9 +46,9 @@ SURROUNDINGS: dict[str, str] = {
     "obstacle": "#b5573f",
     "ellipsoid": "#4f7f9f",
     "gap": "#444b54",
-    "overlap": "#c0202a",
+    "overlap": "#7a0020",
     "marker": "#5a4a8a",
-    **{"x": "#c8372d", "y": "#3d8f40", "z": "#2f5fb3"},  # axes of frames
+    **{"x": "#b3241f", "y": "#5fbf4f", "z": "#2f5fb3"},  # axes of frames
 }
 # Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
 COMPARED: tuple[dict[str, Any], ...] = (
@@ -62,8 +62,9 @@ _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2
 def line_styles(count: int) -> list[dict[str, Any]]:
     """Get styles of several lines: colours from dark to light, and dashes for greyscale print."""
     from matplotlib import colormaps
+    from matplotlib.colors import to_hex
 
-    shades = colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2)))
+    shades = [*map(to_hex, colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2))))]
     return [
         {"color": shades[index], "linestyle": _DASHES[index % len(_DASHES)], "linewidth": 1.6}
         for index in range(count)

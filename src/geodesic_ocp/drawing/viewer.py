@@ -25,7 +25,14 @@ from geodesic_ocp.tables import html as html_table
 
 PAGES = (".html", ".htm")
 PICTURES = (".mp4", ".gif", ".webp", ".png")
-HEIGHT = 760  # of the frame in a notebook [px]
+_HEIGHT = 760  # [px], of the frame in a notebook until its page says how tall it is
+_FIT = """<script>addEventListener("message", ({source, data}) => {
+  for (const frame of document.querySelectorAll("iframe")) {
+    if (frame.contentWindow === source && data?.geodesicOcpHeight) {
+      frame.style.height = `${Number(data.geodesicOcpHeight)}px`;
+    }
+  }
+});</script>"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,21 +41,17 @@ class Viewer:
 
     Attributes:
         playback: what is shown.
-        height: height of the frame in a notebook [px].
+        height: height of the frame in a notebook [px]; None: that of its content.
     """
 
     playback: Playback
-    height: int = HEIGHT
+    height: int | None = None
 
     def __repr__(self) -> str:
         return f"Viewer({self.playback!r})"
 
     def html(self) -> str:
-        """Return a self-contained page, which opens from disk without a network.
-
-        Raises:
-            ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
-        """
+        """Return a self-contained page, which opens from disk without a network."""
         title = plain_text(self.playback.title)
         only = plain_text(self.playback.scenes[0].title) if len(self.playback.scenes) == 1 else ""
         heading = f"<h1>{html.escape(title)}</h1>\n" if title not in ("", only) else ""
@@ -82,7 +85,7 @@ class Viewer:
 
         Raises:
             ValueError: another suffix, an argument out of range, or a layer that does not exist.
-            ImportError: Meshcat, or what a video needs, is not installed.
+            ImportError: ffmpeg, which an .mp4 needs, is not installed.
             OSError: the file cannot be written; what was there is left as it was.
         """
         path = Path(file)
@@ -114,7 +117,6 @@ class Viewer:
         files, because the browser may read it later.
 
         Raises:
-            ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
             OSError: the file cannot be written.
         """
         page = self.html()
@@ -124,10 +126,11 @@ class Viewer:
 
     def _repr_html_(self) -> str:
         page, title = _ascii(self.html()), _ascii(plain_text(self.playback.title))
-        style = f"border: 0; height: {self.height}px; width: 100%"
+        style = f"border: 0; height: {self.height or _HEIGHT}px; width: 100%"
         # In a sandbox, its scripts cannot reach the notebook.
         allowed = 'sandbox="allow-scripts" allow="fullscreen"'
-        return f'<iframe srcdoc="{page}" title="{title}" style="{style}" {allowed}></iframe>'
+        frame = f'<iframe srcdoc="{page}" title="{title}" style="{style}" {allowed}></iframe>'
+        return frame if self.height else frame + _FIT
 
 
 def _ascii(text: str) -> str:
@@ -151,7 +154,7 @@ def show(
     title: str = "",
     layers: Collection[str] | None = None,
     open_browser: bool | None = None,
-    height: int = HEIGHT,
+    height: int | None = None,
 ) -> Viewer:
     """Show results in motion, several of them side by side: inline, in a browser or in a file.
 
@@ -174,7 +177,7 @@ def show(
             or "mobility ellipsoids"; the others can be switched on. By default most are shown.
         open_browser: whether a browser shows the page; None: outside notebooks, if no file is
             written.
-        height: height of the frame in a notebook [px].
+        height: height of the frame in a notebook [px]; None: that of its content.
 
     Returns:
         The viewer, whose `save` writes further files.
@@ -182,12 +185,11 @@ def show(
     Raises:
         TypeError, ValueError: items of which there is nothing to show, a layer that does not exist,
             or a file of another suffix.
-        ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
         OSError: the file cannot be written.
     """
     if not isinstance(title, str):
         raise TypeError(f"title must be a text, got {title!r}")
-    if not isinstance(height, int) or height <= 0:
+    if height is not None and (not isinstance(height, int) or height <= 0):
         raise ValueError(f"height must be a positive number of pixels, got {height!r}")
     playback = playback_of(*items, title=title)
     viewer = Viewer(playback if layers is None else playback.showing(layers), height)
@@ -219,6 +221,18 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
     hand, of the person's, mapped to the robot, and of inverse kinematics have the colours of the
     figure below.
 
+    >>> import tempfile
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> result = go.retarget(analysis, go.human_arm("left", height=1.95), tolerance=1e-3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     go.drawing.report(result, f"{folder}/report.html").name
+    'report.html'
+
     Args:
         retargeting: result of `retarget`.
         file: path of the page; its folder must exist.
@@ -227,7 +241,6 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
         Path of the file.
 
     Raises:
-        ImportError: the extra viewer is not installed.
         OSError: the file cannot be written.
     """
     playback = retargeting_playback(retargeting)

@@ -112,6 +112,19 @@ def motion_measures(
 
     Jerk depends on the rate of the samples: compare trajectories of one rate.
 
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, q = go.human_arm(), [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
+    >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
+    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+    >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
+    >>> planned = go.plan_trajectory(paths)
+    >>> trajectory = planned.sampled(100.0)
+    >>> targets = arm.hand_pose(trajectory.positions)
+    >>> measures = go.execution.motion_measures(arm, trajectory, targets, limits)
+    >>> measures.duration, round(measures.action, 2), measures.position
+    (1.0, 0.21, 0.0)
+
     Args:
         robot: the arm, payload included.
         trajectory: trajectory of its joints, evenly sampled.
@@ -196,6 +209,18 @@ def compare_with_tracking(
 
     All are under the same limits on joints, speeds and accelerations, from rest to rest. The hand
     is tracked in the time of the trajectory, and once more in the person's own time.
+
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, q = go.human_arm(), [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
+    >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
+    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+    >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
+    >>> planned = go.plan_trajectory(paths)
+    >>> trajectory = planned.sampled(100.0)
+    >>> poses = lambda times: arm.hand_pose(path(times))  # of a recording of 1 s
+    >>> list(go.execution.compare_with_tracking(arm, trajectory, trajectory.time, poses, limits))
+    ['geodesic synergies', 'inverse kinematics (QP)', "inverse kinematics (QP), the person's time"]
 
     Args:
         robot: the arm, payload included.

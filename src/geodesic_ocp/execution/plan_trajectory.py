@@ -276,6 +276,16 @@ def plan_trajectory(
     time beyond it is what is minimized, together with the distance from the paths; in corners
     between paths, which the arms pass without stopping, the trajectory leaves them.
 
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, q = go.human_arm(), [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
+    >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
+    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+    >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
+    >>> planned = go.plan_trajectory(paths)
+    >>> planned.success, round(planned.duration, 6)
+    (True, 1.0)
+
     Args:
         arms: one or several, with their paths, limits and gravity; all begin and end at the same
             times.

@@ -72,6 +72,18 @@ def track_within_limits(
     on jerk and torque are not considered. Where limits or reach do not allow the pose, the hand
     stays behind.
 
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> arm, q = go.human_arm(), [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
+    >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
+    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+    >>> time = np.linspace(0.0, 2.0, 201)
+    >>> poses = arm.hand_pose(path(time / 2.0))
+    >>> tracked = go.execution.track_within_limits(arm, q, time, poses, limits)
+    >>> off = arm.hand_pose(tracked.positions[-1])[1] - poses[1][-1]
+    >>> bool(np.linalg.norm(off) < 0.01)  # [m]
+    True
+
     Args:
         model: a robot arm.
         start: configuration (n,), within the limits; or several (k, n), of which that is taken from

@@ -111,6 +111,12 @@ def trajectory_clearance(
     Distances between meshes are computed by coal only where the capsules around the links, and how
     far they have moved since a sample whose distance is known, leave room for a closer approach.
 
+    >>> import geodesic_ocp as go
+    >>> arm = go.human_arm()
+    >>> report = go.execution.trajectory_clearance(arm, [[0.0] * 7, [0.5] * 7])
+    >>> report.pair, round(report.least, 3)
+    (('right upper arm', 'right hand'), 0.188)
+
     Args:
         arms: a model, or several.
         trajectory: trajectory of the joints of all arms, one after the other, or configurations (k,

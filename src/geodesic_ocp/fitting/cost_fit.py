@@ -138,6 +138,17 @@ def fit_cost(
     Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 11). Where errors are far larger
     than noise, or weights are zero, the intervals of `bootstrap_cost` say more.
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> recording = go.recordings.Recording(arm, reach.filtered())
+    >>> segments = [[(0, 75), (75, 159)]]
+    >>> fit = go.fitting.fit_cost(recording, ["energy", "jerk"], segments=segments, degree=6)
+    >>> fit.weights.round(2).tolist()
+    [0.0, 1.0]
+
     Args:
         recordings: recordings of one or more persons.
         costs: two or more of "energy", "acceleration", "torque change" and "jerk".
@@ -195,6 +206,19 @@ def bootstrap_cost(
     """Return percentile intervals of the weights from resampled segments, recordings or subjects.
 
     Every resample is fitted exactly, from the estimate.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
+    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
+    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> segments = [[(0, 79)]] * 3
+    >>> fit = go.fitting.fit_cost(recordings, ["energy", "jerk"], segments=segments, degree=6)
+    >>> energy, jerk = go.fitting.bootstrap_cost(fit, 20)
+    >>> jerk.name, round(jerk.low, 1), jerk.high
+    ('jerk', 0.6, 1.0)
 
     Args:
         fit: fit whose segments are used.

@@ -166,6 +166,20 @@ def save_metric(
     Fields of an `AdjustableKineticEnergy` that were not estimated, such as the armature of the
     models, are part of it.
 
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> recording = go.recordings.Recording(arm, reach.filtered())
+    >>> fit = go.fit_metric(recording, segments=[[(0, 75), (75, 159)]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
+    ...     "joint_inertia" in Path(f"{folder}/metric.json").read_text()
+    True
+
     Args:
         path: of the file.
         fit: fit whose estimates are written.
@@ -244,6 +258,20 @@ class _MetricRecord:
 
 def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEnergy:
     """Return the metric of a model with the parameters in a JSON file (`save_metric`).
+
+    >>> import tempfile
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> recording = go.recordings.Recording(arm, reach.filtered())
+    >>> fit = go.fit_metric(recording, segments=[[(0, 75), (75, 159)]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
+    ...     metric = go.fitting.load_metric(f"{folder}/metric.json", arm)
+    >>> round(go.distance(metric, reach.q[0], reach.q[75]), 4)
+    0.3093
 
     Args:
         path: the JSON file.

@@ -41,6 +41,18 @@ def separate_fits(
 
     By the name of the recording or the subject.
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
+    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
+    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
+    >>> separate = go.fitting.separate_fits(fit)
+    >>> [round(each.values["joint_inertia"], 2) for each in separate.values()]
+    [0.03, 0.07]
+
     Args:
         fit: fit whose recordings, segments and parameters are used.
         by: "recording" or "subject".
@@ -84,6 +96,18 @@ class Heterogeneity:
 
 def heterogeneity(fits: Mapping[str, MetricFit]) -> tuple[Heterogeneity, ...]:
     """Return for every parameter whether separate fits (`separate_fits`) disagree.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
+    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
+    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
+    >>> (found,) = go.fitting.heterogeneity(go.fitting.separate_fits(fit))
+    >>> found.count, round(found.q, 1), round(found.p, 2)
+    (2, 1.9, 0.16)
 
     Args:
         fits: by recording or subject. Estimates at a bound and those that the data do not determine
@@ -208,6 +232,18 @@ def leave_one_out(
     Errors are those of `evaluate` on all segments of the recording, of the predictions of the fit
     and of those in a constant metric: straight lines, or minimum acceleration.
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
+    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
+    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
+    >>> validation = go.fitting.leave_one_out(fit)
+    >>> [round(each.errors.joint, 3) for each in validation.left_out]
+    [0.013, 0.046, 0.061]
+
     Args:
         fit: from at least two recordings.
         by: what is left out, "recording" or "subject".
@@ -263,6 +299,18 @@ def bootstrap_fit(
     every resample is fitted exactly, on the interpolated profiles of the recordings' least errors.
     With several, the estimate moves by one Newton step in the parameters' logarithms, from the
     exact derivatives of the recordings' least errors at the solution.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
+    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
+    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
+    >>> (interval,) = go.fitting.bootstrap_fit(fit, 20)
+    >>> interval.name, interval.count, round(interval.high, 3)
+    ('joint_inertia', 3, 0.064)
 
     Args:
         fit: from several recordings.

@@ -150,7 +150,17 @@ def riemann_curvature(
 
     R(u, v) w = D_u D_v w - D_v D_u w - D_[u, v] w with the Levi-Civita connection D, so that
     <R(u, v) v, u> is positive on a sphere (do Carmo, "Riemannian Geometry" (1992), chapter 4, uses
-    the opposite sign); see `sectional_curvature` for an example.
+    the opposite sign).
+
+    >>> import casadi as ca
+    >>> import geodesic_ocp as go
+    >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
+    ...     dim = 2
+    ...     def matrix(self, q):
+    ...         return 4.0 * ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
+    >>> south, east = [1.0, 0.0], [0.0, 1.0]
+    >>> round(go.manifold.riemann_curvature(Globe(), [1.5708, 0.0], south, east, east, south), 3)
+    4.0
 
     Args:
         metric: metric of the manifold.
@@ -205,6 +215,15 @@ def scalar_curvature(metric: Metric, q: ArrayLike) -> float:
 
     The basis is orthonormal, so each plane counts twice: in two dimensions it is twice the
     `sectional_curvature`, in one 0.
+
+    >>> import casadi as ca
+    >>> import geodesic_ocp as go
+    >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
+    ...     dim = 2
+    ...     def matrix(self, q):
+    ...         return 4.0 * ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
+    >>> round(go.manifold.scalar_curvature(Globe(), [1.0, 0.0]), 12)
+    0.5
 
     Args:
         metric: metric of the manifold.

@@ -135,6 +135,18 @@ def place_base(
     the scale "fit" that is done afterwards, by `retarget`. Obstacles, which settings place in the
     frame of the base, move with it.
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> placed = go.retargeting.place_base(
+    ...     *(go.human_arm("left", height=1.5), analysis), sideways=(0.0, 0.0), yaw=(0.0, 0.0)
+    ... )
+    >>> placed.reached_before, placed.reached, placed.count
+    (4, 4, 4)
+
     Args:
         robot: the arm, or a body with several hands.
         analyses: analysis of one motion, or of many that are to be taken over from one place.

@@ -313,6 +313,14 @@ def reachability(
     and the base turned or tilted. The smallest change that brings all, or the most, poses within
     reach is advised.
 
+    >>> import geodesic_ocp as go
+    >>> arm = go.human_arm("right")
+    >>> q = [[0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4]]
+    >>> poses = arm.hand_pose(q)
+    >>> found = go.retargeting.reachability(arm, go.retargeting.align(arm), *poses)
+    >>> found.count, len(found.unreachable)
+    (2, 0)
+
     Args:
         robot: the arm.
         alignment: alignment with which the poses were mapped to it.

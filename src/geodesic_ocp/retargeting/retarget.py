@@ -92,6 +92,17 @@ def retarget(
     arms share the waist. It is drawn to the orientation of the person's thorax, or upright if the
     recording has no trunk (`RetargetingSettings.likeness_weight`).
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> robot = go.human_arm("left", height=1.95)
+    >>> result = go.retarget(analysis, robot, tolerance=1e-3)
+    >>> result.success, len(result.synergies)
+    (True, 3)
+
     Args:
         analysis: analysis of the person's motion (`analyse`).
         robot: the arm, or a body with several hands.
@@ -166,6 +177,17 @@ def retarget_arms(
     Paths and trajectory of all arms are planned together, in the same time. Two arms of one robot,
     whose models have the same base, are kept clear of each other; the bases of different robots are
     not known to each other.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> robots = [go.human_arm(side, height=1.95) for side in ("left", "right")]
+    >>> result = go.retargeting.retarget_arms([analysis] * 2, robots, tolerance=1e-3)
+    >>> result.success, len(result.joint_names)
+    (True, 14)
 
     Args:
         analyses: analyses of the arms, all of one recording, sample by sample.

@@ -124,6 +124,16 @@ def analyse_recordings(
 
     In a script, the call must stand under ``if __name__ == "__main__":``, as processes read it.
 
+    >>> import tempfile
+    >>> from importlib.resources import files
+    >>> import geodesic_ocp as go
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     result = go.studies.analyse_recordings(
+    ...         files("geodesic_ocp") / "data", folder, "left", jobs=1
+    ...     )
+    >>> result.analysed, len(result.failures)
+    (1, 0)
+
     Args:
         paths: files, folders, or patterns such as "data/**/*.c3d", see `read_recordings`.
         out: folder for results/ (a file a recording, and one of its synergies, see

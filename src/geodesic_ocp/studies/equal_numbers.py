@@ -96,6 +96,16 @@ def compare_at_equal_numbers(
     and 2 n more for both end velocities; their knots are good, not the best (`spline_knots`),
     and known for the joints alone. The times of cuts and knots are not counted.
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:350], motion.q[270:350], motion.joint_names)
+    >>> recording = go.recordings.Recording(arm, reach.filtered())
+    >>> equal = go.studies.compare_at_equal_numbers(recording, go.Euclidean(7), numbers=[10])
+    >>> equal.methods[:2]
+    ('geodesics', 'straight lines')
+
     Args:
         recordings: one or more, see `read_recordings`.
         metric: metric of the geodesics and Riemannian cubics, or a function of a recording's model

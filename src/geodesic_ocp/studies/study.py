@@ -56,6 +56,15 @@ def study(
     Recordings of a passive arm, in which no joint moves by more than 20 degrees, are left out and
     counted among the failures, unless all are passive.
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> go.study([analysis, analysis], subjects=["A", "B"])
+    StudyResult(2 recordings of 2 subjects, 11 methods, 6 synergies)
+
     Args:
         source: the output folder of `geodesic-ocp analyse DIR --out FOLDER`; or the paths of its
             tables, recordings.csv (or .parquet) and, if wanted, the others;

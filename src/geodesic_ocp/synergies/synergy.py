@@ -93,6 +93,16 @@ def motion_of_synergies(synergies: Sequence[Synergy], rate: float = _RATE) -> Mo
 
     At a cut, where the velocity jumps, the sample is of the synergy that begins.
 
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> predicted = go.synergies.motion_of_synergies(analysis.synergies)
+    >>> len(predicted), predicted.time[[0, -1]].round(3).tolist()
+    (134, [2.25, 3.575])
+
     Args:
         synergies: synergies, each of which begins where the one before it ends.
         rate: samples per second [Hz], rounded so that they are evenly spaced up to the end.
@@ -311,6 +321,19 @@ def _encode(synergy: Synergy) -> dict[str, Any]:
 
 def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
     """Read synergies that `save_synergies` wrote.
+
+    >>> import tempfile
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> analysis = go.analyse(arm, reach)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     files = analysis.save(folder)
+    ...     synergies = go.synergies.load_synergies(f"{folder}/synergies.json", analysis.metric)
+    >>> len(synergies) == len(analysis.synergies)
+    True
 
     Args:
         file: the JSON file.

@@ -64,6 +64,16 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
     rotation from pelvis to thorax. No angle is moved into a joint's limits, and none jumps by a
     branch: every sample continues the one before, and the first is within the limits where it can.
 
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> from scipy.spatial.transform import Rotation
+    >>> bent = Rotation.from_euler("x", [[0.0], [0.5]]).as_matrix()
+    >>> still = np.tile(np.eye(3), (2, 1, 1))
+    >>> segments = {"thorax": still, "right upper arm": still, "right forearm": bent}
+    >>> orientations = go.recordings.SegmentOrientations([0.0, 1.0], segments)
+    >>> go.recordings.joint_angles(orientations, ["REx_joint"]).q[1].round(6).tolist()
+    [0.5]
+
     Args:
         orientations: orientations of the segments; the elbow needs upper arm and forearm, the wrist
             also the hand.

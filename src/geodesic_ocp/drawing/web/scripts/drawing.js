@@ -5,7 +5,7 @@ const FAINT = 0.3; // and of lines behind bodies
 class Drawing {
   // surfaces: those of data.bodies; size: of the scene [m], by which lines are as wide.
   constructor(scene, data, surfaces, size) {
-    this.root = new MeshCat.THREE.Group();
+    this.root = new THREE.Group();
     this.groups = {}; // by layer
     this.labels = []; // {at: object, below or above it, functions text and rank: lower comes first}
     this.moving = []; // functions of sample and fraction
@@ -22,7 +22,7 @@ class Drawing {
 
   layer(name) {
     if (!this.groups[name]) {
-      this.groups[name] = new MeshCat.THREE.Group();
+      this.groups[name] = new THREE.Group();
       this.root.add(this.groups[name]);
     }
     return this.groups[name];
@@ -30,15 +30,7 @@ class Drawing {
 
   // Move everything to a time, between two samples if need be.
   show(time) {
-    const samples = this.samples;
-    let [low, high] = [0, samples.length - 1];
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (samples[middle] <= time) low = middle;
-      else high = middle;
-    }
-    const span = samples[high] - samples[low];
-    const fraction = span > 0 ? Math.min(1, Math.max(0, (time - samples[low]) / span)) : 0;
+    const [low, fraction] = sampleAt(this.samples, time);
     for (const move of this.moving) move(low, fraction);
   }
 
@@ -67,20 +59,19 @@ class Drawing {
     const turn = [0, 0, 0, 1];
     this.moving.push((index, fraction) => {
       const [a, b] = [4 * Math.min(index, last), 4 * Math.min(index + 1, last)];
-      MeshCat.THREE.Quaternion.slerpFlat(turn, 0, values, a, values, b, fraction);
+      THREE.Quaternion.slerpFlat(turn, 0, values, a, values, b, fraction);
       object.quaternion.fromArray(turn).normalize();
     });
     return this.placed(object, positions);
   }
 
   mesh(shape, material, name, castShadow = true) {
-    const made = Object.assign(new MeshCat.THREE.Mesh(shape, material), { castShadow });
+    const made = Object.assign(new THREE.Mesh(shape, material), { castShadow });
     made.userData.name = name;
     return made;
   }
 
   actor(actor) {
-    const { THREE } = MeshCat;
     // So that an overlay is not in spots on what it covers, such as another overlay.
     if (actor.translucent) this.overlays += 1;
     const around = (0.35 + 0.2 * this.overlays) * this.width;
@@ -108,7 +99,6 @@ class Drawing {
 
   // A line, and faintly where bodies hide it.
   seen(shape, paint, name, order) {
-    const { THREE } = MeshCat;
     const group = new THREE.Group();
     const front = new THREE.MeshBasicMaterial({ color: colour(paint) });
     const behind = new THREE.MeshBasicMaterial({
@@ -122,7 +112,6 @@ class Drawing {
   }
 
   trail(trail) {
-    const { THREE } = MeshCat;
     const { colour: paint, dash } = this.roles[trail.role];
     const points = unpacked(trail.points);
     const group = this.layer(trail.layer);
@@ -136,7 +125,6 @@ class Drawing {
   }
 
   solid(solid) {
-    const { THREE } = MeshCat;
     const material = painted(this.colours.obstacle, solid.unbounded ? 0.22 : 0.58);
     if (solid.unbounded) material.side = THREE.DoubleSide;
     material.depthWrite = false;
@@ -151,7 +139,6 @@ class Drawing {
   }
 
   frame(frame) {
-    const { THREE } = MeshCat;
     const group = this.posed(new THREE.Group(), frame);
     const length = 22 * this.width;
     ["x", "y", "z"].map((axis) => this.colours[axis]).forEach((paint, axis) => {
@@ -166,7 +153,6 @@ class Drawing {
   }
 
   ellipsoid(ellipsoid) {
-    const { THREE } = MeshCat;
     const material = painted(this.colours.ellipsoid, 0.42);
     const made = this.mesh(new THREE.SphereGeometry(1, 48, 32), material, ellipsoid.name);
     made.renderOrder = 6;
@@ -183,7 +169,6 @@ class Drawing {
   }
 
   gap(gap) {
-    const { THREE } = MeshCat;
     const group = new THREE.Group();
     const material = new THREE.MeshBasicMaterial();
     const ball = new THREE.SphereGeometry(0.9 * this.width, 16, 12);
@@ -211,7 +196,6 @@ class Drawing {
   }
 
   cloud(cloud) {
-    const { THREE } = MeshCat;
     const place = this.rows(cloud.positions);
     const ball = new THREE.SphereGeometry(1.6 * this.width, 16, 12);
     const material = painted(cloud.role ? this.roles[cloud.role].colour : this.colours.marker);

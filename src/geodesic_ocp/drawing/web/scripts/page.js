@@ -32,7 +32,7 @@ class PlaybackViewer {
       panes.after(this.bar.element);
     }
     const plots = root.querySelector(".playback-plots");
-    this.plots = new Plots(this, plots, data.range);
+    this.plots = new Plots(this, plots, data);
     for (const [name, on] of data.layers) this.setLayer(name, on);
     this.seek(this.time);
     this.last = performance.now();
@@ -175,6 +175,7 @@ class PlaybackViewer {
     this.layers[name] = Boolean(on);
     this.switches[name].checked = this.layers[name];
     for (const pane of this.panes) pane.setLayer(name, this.layers[name]);
+    this.plots.setLayer(name, this.layers[name]);
     this.draw();
   }
 
@@ -194,7 +195,7 @@ class PlaybackViewer {
   }
 
   draw() {
-    for (const pane of this.panes) if (pane.viewer.needs_render && pane.camera) pane.render();
+    for (const pane of this.panes) if (pane.stale) pane.render();
   }
 
   step(now) {
@@ -248,7 +249,7 @@ let canDraw;
 function supported() {
   if (canDraw === undefined) {
     const canvas = document.createElement("canvas");
-    const context = canvas.getContext("webgl2") || canvas.getContext("webgl");
+    const context = canvas.getContext("webgl2");
     canDraw = Boolean(context);
     context?.getExtension("WEBGL_lose_context")?.loseContext(); // browsers allow only a few
   }
@@ -265,6 +266,12 @@ function start() {
   });
   used = viewers[0];
   window.geodesicOcp = { viewers };
+  if (window.parent !== window) {
+    // In a frame, whose page may make it as tall as this one.
+    document.documentElement.classList.add("playback-framed");
+    const tell = () => window.parent.postMessage({ geodesicOcpHeight: document.body.offsetHeight }, "*");
+    new ResizeObserver(() => document.fullscreenElement || tell()).observe(document.body);
+  }
   document.addEventListener("keydown", (event) => {
     if (!used || event.ctrlKey || event.metaKey || event.altKey || used.help.open) return;
     const { target } = event;

@@ -6,24 +6,17 @@ const MARGIN = 0.88; // share of the view that everything fills
 
 class Pane {
   constructor(element, scene, data, surfaces) {
-    const { THREE, Viewer } = MeshCat;
     this.element = element;
-    const renderer = new THREE.WebGLRenderer({
+    this.renderer = new THREE.WebGLRenderer({
       antialias: window.devicePixelRatio < 2, // finer pixels need none
       alpha: true,
       preserveDrawingBuffer: true, // for printing
     });
-    renderer.outputEncoding = THREE.sRGBEncoding;
-    renderer.shadowMap.enabled = true;
-    renderer.shadowMap.type = THREE.PCFSoftShadowMap;
-    renderer.shadowMap.autoUpdate = false; // the camera does not change shadows
-    element.append(renderer.domElement);
-    this.viewer = new Viewer(element, false, renderer);
-    this.viewer.gui.destroy();
-    this.viewer.gui.domElement.remove();
-    this.viewer.set_3d_pane_size = () => this.resize(); // also called when the window changes
-    renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
-    this.canvas = renderer.domElement;
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.autoUpdate = false; // the camera does not change shadows
+    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
+    this.canvas = this.renderer.domElement;
+    element.append(this.canvas);
     // Browsers keep some sixteen views open, and close the oldest when there are more.
     const text = "The browser has closed this view: it keeps only some views open at once.";
     this.closed = made("p", { class: "playback-missing playback-closed", hidden: "" }, text);
@@ -39,7 +32,7 @@ class Pane {
     this.box = new THREE.Box3().setFromPoints(this.points);
     this.size = Math.max(0.05, this.box.getSize(new THREE.Vector3()).length() / 2);
     this.drawing = new Drawing(scene, data, surfaces, this.size);
-    this.viewer.scene = new THREE.Scene().add(this.drawing.root, ...this.lights(data.axes[2][2]), ...this.floor());
+    this.scene = new THREE.Scene().add(this.drawing.root, ...this.lights(data.axes[2][2]), ...this.floor());
     this.labels = this.drawing.labels.map((label) => {
       const element = document.createElement("span");
       element.className = "playback-label";
@@ -47,11 +40,11 @@ class Pane {
       return { ...label, element };
     });
 
-    const camera = new THREE.PerspectiveCamera(ANGLE, 1, 0.01, 100);
-    camera.up.set(0, 0, 1);
-    this.viewer.controls.dispose();
-    this.viewer.set_camera(camera);
+    this.camera = new THREE.PerspectiveCamera(ANGLE, 1, 0.01, 100);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new THREE.OrbitControls(this.camera, element);
     this.controls.rotateSpeed = 0.7;
+    this.controls.addEventListener("change", () => (this.stale = true));
     element.style.touchAction = "pan-y"; // fingers scroll the page, and turn the scene sideways
     this.home = new THREE.Vector3();
     this.focusable();
@@ -81,30 +74,20 @@ class Pane {
 
   // By angles [rad] to the right and upwards, and to a multiple of the distance.
   turn(right, up, farther) {
-    const { Spherical, Vector3 } = MeshCat.THREE;
     const { target } = this.controls;
     const { x, y, z } = this.camera.position.clone().sub(target);
-    const place = new Spherical().setFromCartesianCoords(y, z, x);
+    const place = new THREE.Spherical().setFromCartesianCoords(y, z, x);
     place.set(place.radius * farther, place.phi - up, place.theta + right).makeSafe();
-    const back = new Vector3().setFromSpherical(place);
+    const back = new THREE.Vector3().setFromSpherical(place);
     this.camera.position.set(back.z, back.x, back.y).add(target);
     this.controls.update();
   }
 
-  get camera() {
-    return this.viewer.camera;
-  }
-
-  get controls() {
-    return this.viewer.controls;
-  }
-
   lights(height) {
-    const { THREE } = MeshCat;
     const middle = this.box.getCenter(new THREE.Vector3());
     const far = 2 * this.size;
     const from = (x, y, z, strength) => {
-      const light = new THREE.DirectionalLight(0xffffff, strength);
+      const light = new THREE.DirectionalLight(0xffffff, Math.PI * strength);
       light.position.set(x, y, z).normalize().multiplyScalar(2 * far).add(middle);
       light.target.position.copy(middle);
       return light;
@@ -116,14 +99,13 @@ class Pane {
     Object.assign(key.shadow.camera, { left: -far, right: far, top: far, bottom: -far, near: 0.01, far: 5 * far });
     const fill = from(1.4, 0.3, 0.5, 0.22);
     const back = from(-1.2, -1.0, 0.6, 0.2);
-    const sky = new THREE.HemisphereLight(0xffffff, 0xa8a8a8, 0.42);
+    const sky = new THREE.HemisphereLight(0xffffff, 0xa8a8a8, 0.42 * Math.PI);
     sky.position.set(0, 0, 1);
     return [key, fill, back, sky].flatMap((light) => (light.target ? [light, light.target] : [light]));
   }
 
   // A grid that fades away, and the shadow on it.
   floor() {
-    const { THREE } = MeshCat;
     this.square = [0.05, 0.1, 0.25, 0.5, 1].find((side) => side > this.size / 6) ?? 2.5;
     const middle = this.box.getCenter(new THREE.Vector3());
     const reach = 3.2 * this.size;
@@ -136,7 +118,6 @@ class Pane {
       new THREE.ShaderMaterial({
         transparent: true,
         depthWrite: false,
-        extensions: { derivatives: true },
         uniforms: { square: { value: this.square }, reach: { value: reach }, middle: { value: middle } },
         vertexShader: `
           uniform vec3 middle;
@@ -168,7 +149,6 @@ class Pane {
   // Distance and middle from which everything just fits, seen by a camera with these axes: to the
   // right, up, and back to the observer.
   fit(axes) {
-    const { THREE } = MeshCat;
     const [right, up, back] = axes.map((axis) => new THREE.Vector3(...axis));
     const slope = MARGIN * Math.tan(THREE.MathUtils.degToRad(ANGLE / 2));
     const middle = this.box.getCenter(new THREE.Vector3());
@@ -191,11 +171,11 @@ class Pane {
     this.home.copy(middle);
     this.controls.target.copy(middle);
     this.camera.position.copy(middle).addScaledVector(back, distance);
-    Object.assign(this.camera, { near: distance / 100, far: distance * 20 });
+    Object.assign(this.camera, { near: distance / 100, far: distance * 20 }).updateProjectionMatrix();
     this.controls.minDistance = distance / 20;
     this.controls.maxDistance = distance * 6;
     this.controls.update();
-    this.viewer.set_dirty();
+    this.stale = true;
   }
 
   // Look from where another pane looks, relative to the own middle.
@@ -206,7 +186,7 @@ class Pane {
     this.controls.target.copy(target);
     this.camera.position.copy(place);
     this.controls.update();
-    this.viewer.set_dirty();
+    this.stale = true;
   }
 
   resize() {
@@ -214,7 +194,10 @@ class Pane {
     const size = `${width} ${height}`;
     if (!width || !height || size === this.drawn) return;
     this.drawn = size;
-    MeshCat.Viewer.prototype.set_3d_pane_size.call(this.viewer, width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(width, height);
+    this.stale = true;
   }
 
   show(time) {
@@ -229,13 +212,14 @@ class Pane {
   }
 
   changed() {
-    this.viewer.renderer.shadowMap.needsUpdate = true;
-    this.viewer.set_dirty();
+    this.renderer.shadowMap.needsUpdate = true;
+    this.stale = true;
   }
 
   render() {
-    if (this.viewer.renderer.getContext().isContextLost()) return;
-    this.viewer.render();
+    if (this.renderer.getContext().isContextLost()) return;
+    this.renderer.render(this.scene, this.camera);
+    this.stale = false;
     const placed = [];
     for (const label of this.labels.sort((a, b) => a.rank() - b.rank())) {
       label.element.hidden = !this.placed(label, placed);
@@ -246,7 +230,7 @@ class Pane {
   placed({ at, below, text, element }, others) {
     let shown = true;
     at.traverseAncestors((parent) => (shown = shown && parent.visible));
-    const spot = at.getWorldPosition(new MeshCat.THREE.Vector3()).project(this.camera);
+    const spot = at.getWorldPosition(new THREE.Vector3()).project(this.camera);
     if (!shown || spot.z > 1) return false;
     const x = ((1 + spot.x) / 2) * this.element.clientWidth;
     const y = ((1 - spot.y) / 2) * this.element.clientHeight + (below ? 4 : -24);
@@ -260,7 +244,6 @@ class Pane {
 
   // Name of what is seen at a place on the screen, "" if it has none.
   named({ clientX, clientY }) {
-    const { THREE } = MeshCat;
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     const ray = new THREE.Raycaster();
     ray.setFromCamera(

@@ -17,19 +17,29 @@ function unpacked({ middle, step, data }) {
   );
 }
 
+// Index of the sample before a time, and how far the time is on the way to the next one, 0 to 1.
+function sampleAt(samples, time) {
+  let [low, high] = [0, samples.length - 1];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (samples[middle] <= time) low = middle;
+    else high = middle;
+  }
+  const span = samples[high] - samples[low];
+  return [low, span > 0 ? Math.min(1, Math.max(0, (time - samples[low]) / span)) : 0];
+}
+
 // A surface, smooth where its triangles share vertices.
 function surface({ vertices, triangles, bits }) {
-  const { BufferAttribute, BufferGeometry } = MeshCat.THREE;
   const corners = new (bits === 16 ? Uint16Array : Uint32Array)(bytes(triangles));
-  const made = new BufferGeometry().setIndex(new BufferAttribute(corners, 1));
-  made.setAttribute("position", new BufferAttribute(unpacked(vertices), 3));
+  const made = new THREE.BufferGeometry().setIndex(new THREE.BufferAttribute(corners, 1));
+  made.setAttribute("position", new THREE.BufferAttribute(unpacked(vertices), 3));
   made.computeVertexNormals();
   return made;
 }
 
 // A tube along points at even distances, with gaps if it is dashed.
 function tube(points, radius, dash) {
-  const { THREE } = MeshCat;
   const spots = [];
   for (let i = 0; i < points.length; i += 3) {
     spots.push(new THREE.Vector3(points[i], points[i + 1], points[i + 2]));
@@ -52,15 +62,14 @@ function tube(points, radius, dash) {
 }
 
 function colour(value) {
-  const made = Array.isArray(value) ? new MeshCat.THREE.Color(...value) : new MeshCat.THREE.Color(value);
-  return made.convertSRGBToLinear();
+  const made = new THREE.Color();
+  return Array.isArray(value) ? made.setRGB(...value, THREE.SRGBColorSpace) : made.set(value);
 }
 
 function painted(value, opacity = 1) {
   // Triangles of robots' files are not the same way round everywhere.
-  const { DoubleSide, FrontSide, MeshLambertMaterial } = MeshCat.THREE;
   const how = { color: colour(value), opacity, transparent: opacity < 1 };
-  return new MeshLambertMaterial({ ...how, side: opacity < 1 ? FrontSide : DoubleSide });
+  return new THREE.MeshLambertMaterial({ ...how, side: opacity < 1 ? THREE.FrontSide : THREE.DoubleSide });
 }
 
 // Makes a material one of a hull that encloses a surface at some distance [m].
