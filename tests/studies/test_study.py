@@ -306,6 +306,17 @@ def test_names_that_may_be_of_one_person_are_noted() -> None:
     ]
 
 
+def test_the_spread_under_noise_is_stated_where_it_is_known() -> None:
+    spread = {"segments_low": 1, "segments_high": 4, "stable_cuts": 1}
+    spread |= {"joint_error_low_rad": 0.02, "joint_error_high_rad": 0.05}
+    rows = rows_of("a", "A", {"riemannian": 0.03}, **spread)
+    notes = study_of_rows([*rows, *rows_of("b", "B", {"riemannian": 1.0})]).notes
+    (note,) = (each for each in notes if "own noise" in each)
+    assert "1 recording, 90 %" in note
+    assert "1.0 to 4.0 synergies, where the analyses have 2.0" in note
+    assert "0.02 to 0.05 rad, where they have 0.03; 1 of 1 cuts are stable" in note
+
+
 def test_reprs_are_short() -> None:
     assert StudyResult in check_reprs([study_of_rows(*drawn(0, 3, 2))])
 

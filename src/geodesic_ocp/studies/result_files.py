@@ -23,7 +23,7 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.recording import PASSIVE
 from geodesic_ocp.records import TEMPORARY, read_record, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.sources import RecordingSource, identity
+from geodesic_ocp.studies.sources import RecordingSource, alike, identity, may_be_one
 from geodesic_ocp.studies.study_tables import (
     PARQUET_HINT,
     TABLES,
@@ -268,16 +268,9 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             f"The same trial may be there twice, as files of one name have several formats "
             f"({'; '.join(twice[:5])}): statistics would count it twice. Leave one out."
         )
-    plain: dict[str, set[str]] = {}
-    for name in (
-        str(row["subject"]) for row in recordings if row.get("subject_from") != "file name"
-    ):
-        plain.setdefault(_plain(name), set()).add(name)
-    if alike := ["/".join(sorted(names)) for names in plain.values() if len(names) > 1]:
-        yield (
-            f"One person may be there under several names ({'; '.join(sorted(alike)[:5])}), which "
-            "statistics would count as several subjects. State one name with --subjects."
-        )
+    named = (str(row["subject"]) for row in recordings if row.get("subject_from") != "file name")
+    for names in alike(named):
+        yield f"{may_be_one(names)}: if so, state one name with --subjects."
     passive = [str(row["recording"]) for row in recordings if _is_passive(row)]
     if passive and len(passive) < len(recordings):
         yield (
@@ -298,13 +291,6 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             f"{others} other result{many} of other recordings, settings or versions, and in none "
             "of the tables."
         )
-
-
-def _plain(subject: str) -> str:
-    """Return a name without case, separators, zeros before a number, and a word for subject."""
-    found = re.sub(r"[\W_]+", "", subject.casefold())
-    found = re.sub(r"^(?:subject|subj|sub|participant|s|p|vp)(?=\d)", "", found)
-    return re.sub(r"(?<!\d)0+(?=\d)", "", found)
 
 
 def _is_passive(row: Row) -> bool:

@@ -92,6 +92,35 @@ def _entry(row: Mapping[str, str]) -> SubjectEntry:
     return SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
 
 
+def alike(names: Iterable[str]) -> list[list[str]]:
+    """Return groups of different names that one person may have.
+
+    They differ in case, separators, zeros before a number or a word for subject in front of it
+    ("S01", "sub-1"), or one ends in another ("KIT_1229", "1229").
+    """
+    groups: list[list[str]] = []
+    for name in sorted(set(names), key=lambda each: (len(each), each)):
+        for group in groups:
+            ends = rf"[^0-9A-Za-z]{re.escape(group[0])}$"
+            if _plain(name) == _plain(group[0]) or re.search(ends, name):
+                group.append(name)
+                break
+        else:
+            groups.append([name])
+    return sorted(group for group in groups if len(group) > 1)
+
+
+def may_be_one(names: Sequence[str]) -> str:
+    """Return a clause that says that these subjects may be one person."""
+    return f"Subjects {' and '.join(names)} may be the same person"
+
+
+def _plain(subject: str) -> str:
+    found = re.sub(r"[\W_]+", "", subject.casefold())
+    found = re.sub(r"^(?:subject|subj|sub|participant|s|p|vp)(?=\d)", "", found)
+    return re.sub(r"(?<!\d)0+(?=\d)", "", found)
+
+
 #: Where the name of a subject is from: the table of subjects, a pattern of paths, the recording
 #: itself, or, as nothing tells it, the name of the folder or of the file.
 SubjectFrom = Literal["table", "path", "file", "folder name", "file name"]

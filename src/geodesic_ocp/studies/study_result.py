@@ -29,6 +29,7 @@ from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.joint_inertias import inertia_table, scaling_table
 from geodesic_ocp.studies.paired_test import as_confidence, holm, paired_test, rank_biserial
+from geodesic_ocp.studies.sources import alike, may_be_one
 from geodesic_ocp.studies.study_tables import key_of, new_rows
 from geodesic_ocp.synergies.second_order import SECOND_ORDER
 from geodesic_ocp.tables import latex, markdown
@@ -567,11 +568,8 @@ class StudyResult:
         for method, label in self.methods.items():
             if missing := total - known[method]:
                 notes.append(f"{label}: no result in {missing} of {_count(total, 'recording')}.")
-        notes += self._caveats
-        for name in self.subjects:
-            ends = rf"[^0-9A-Za-z]{re.escape(name)}$"
-            if longer := [each for each in self.subjects if re.search(ends, each)]:
-                notes.append(f"Subjects {name} and {', '.join(longer)} may be the same person.")
+        notes += [*self._caveats, *self._spread]
+        notes += [f"{may_be_one(names)}." for names in alike(self.subjects)]
         if len(self.subjects) == 1:
             notes.append("One subject only: there is no spread over subjects, and nothing to test.")
         settings = set(rows["settings"]) - {""}
@@ -599,6 +597,24 @@ class StudyResult:
                 f"{number} without the name of a subject: each file counts as a subject of its own."
             ]
         return []
+
+    @property
+    def _spread(self) -> list[str]:
+        """A sentence on the recordings whose analysis states its uncertainty, if there are any."""
+        rows = self.recordings[self.recordings["segments_low"].notna()]
+        if rows.empty:
+            return []
+        mean = rows.mean(numeric_only=True)
+        cuts = int((rows["segments"] - 1).sum())
+        return [
+            f"With the own noise of each recording ({_count(len(rows), 'recording')}, 90 % of the "
+            f"replicates) there are on average {mean['segments_low']:.1f} to "
+            f"{mean['segments_high']:.1f} synergies, where the analyses have "
+            f"{mean['segments']:.1f}, with joint errors of {mean['joint_error_low_rad']:.2g} to "
+            f"{mean['joint_error_high_rad']:.2g} rad, where they have "
+            f"{mean['joint_error_rad']:.2g}; {int(rows['stable_cuts'].sum())} of {cuts} cuts "
+            "are stable."
+        ]
 
     def plot(self) -> Figure:
         """Return errors of joints and hand by method, with subjects as points."""
