@@ -331,7 +331,7 @@ class Course:
 
     def _metrics(self, q: Array) -> Array:
         """Return G(q) + a I relative to its mean diagonal, (k, n, n), at configurations (k, n)."""
-        matrices = np.array([self.arm.robot.mass_matrix(each) for each in q])
+        matrices = self.arm.robot.mass_matrix(q)
         matrices = matrices / np.diagonal(matrices, axis1=1, axis2=2).mean()
         return np.asarray(matrices + _ISOTROPIC * np.eye(self.arm.robot.dof))
 

@@ -196,7 +196,7 @@ class ArmPart:
             weights: weights of the objective.
         """
         given, count = self.waypoints, self.waypoints.count + 1
-        rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed)]
+        rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed[:, None])]
         nodes = self.grid.degree * np.array([0, *self.last_segments])
         places = first + self.dof * nodes[:, None] + np.arange(self.dof)
         free = self.missed > 0.0
@@ -210,7 +210,9 @@ class ArmPart:
             own = np.where([0 in given.rows, 3 in given.rows], np.square(given.allowed[k]), np.inf)
             squares[k] = np.tile(own, hands)
         share = np.full(count, 1.0 / count)
-        return Block(given.terms, places, np.array(rows), lower, np.hstack([upper, squares]), share)
+        return Block(
+            given.terms, places, np.vstack(rows), lower, np.hstack([upper, squares]), share
+        )
 
     def speed_rows(self, intervals: Array) -> tuple[scipy.sparse.coo_array, Array]:
         """Return matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean

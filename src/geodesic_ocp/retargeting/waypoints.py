@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -192,6 +192,11 @@ class ArmWaypoints(ShortRepr):
         distances, angles = self.poses[number].errors(self.arm, q)
         return np.asarray(((distances <= bound[0]) & (angles <= bound[1])).all(axis=1))
 
+    @cached_property
+    def halfway(self) -> tuple[Pose, ...]:
+        """Poses of the person's hands halfway through the m movements."""
+        return self.target_at(np.arange(0.5, self.count))
+
     @property
     def row_weights(self) -> Array:
         """Weights of those rows."""
@@ -204,25 +209,28 @@ class ArmWaypoints(ShortRepr):
         alignments = (self.alignment, *self.others)
         return _waypoint_terms(self.arm, self.hands, alignments, self.rows, torque)
 
-    def parameters(self, number: int, missed: float, weights: ObjectiveWeights) -> Array:
-        """Return the parameters of `terms` at a waypoint, whose costs are means over all waypoints.
+    def parameters(self, number: int, missed: Array, weights: ObjectiveWeights) -> Array:
+        """Return parameters (k, .) of `terms` at a waypoint, whose costs are means over all
+        waypoints.
 
         Args:
             number: number of the waypoint.
-            missed: weight of the squared pose error; zero for a pose within reach.
+            missed: weights (k,) of the squared pose error; zero for a pose within reach.
             weights: weights of the objective.
         """
         pose, count = self.poses[number], len(self.hands)
-        missed_rows = np.zeros(6 * count)
-        missed_rows[list(self.rows)] = missed * (self.count + 1) * self.row_weights**2
         offset, likeness = np.zeros(3 * count), 0.0
         if self.offsets is not None:
             offset, likeness = self.offsets[number], weights.likeness
         turn, as_turned = np.eye(3), 0.0
         if self.turns is not None:
             turn, as_turned = self.turns[number], weights.likeness
-        parts = (pose.numbers, missed_rows, offset, turn.ravel(order="F"))
-        return np.concatenate([*parts, [weights.posture, likeness, as_turned]])
+        parts = (pose.numbers, np.zeros(6 * count), offset, turn.ravel(order="F"))
+        values = np.concatenate([*parts, [weights.posture, likeness, as_turned]])
+        found = np.tile(values, (len(missed), 1))
+        rows = pose.numbers.size + np.array(self.rows)
+        found[:, rows] = missed[:, None] * (self.count + 1) * self.row_weights**2
+        return found
 
 
 def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
