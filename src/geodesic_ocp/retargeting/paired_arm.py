@@ -109,10 +109,10 @@ def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=16)
-def with_narrowed_limits(robot: Model, tolerance: float) -> Model:
-    """Get the robot with limits narrowed by twice a tolerance, so that none is violated by it."""
-    gap = np.minimum(2.0 * tolerance, (robot.upper - robot.lower) / 4.0)
-    return robot.with_limits(robot.lower + gap, robot.upper - gap)
+def with_narrowed_limits(robot: Model, gap: float) -> Model:
+    """Get the robot with limits narrowed by a gap [rad or m], or by a quarter of a small range."""
+    own = np.minimum(gap, (robot.upper - robot.lower) / 4.0)
+    return robot.with_limits(robot.lower + own, robot.upper - own)
 
 
 def nearest_configurations(

@@ -145,7 +145,14 @@ class ArmPart:
     @cached_property
     def bounds(self) -> NodeBounds:
         """Return bounds of the positions at the nodes, and of conditions along the paths."""
-        return NodeBounds.on_grid(self.definition.conditions, self.grid)
+        found, given = NodeBounds.on_grid(self.definition.conditions, self.grid), self.waypoints
+        if not given.limited:
+            return found
+        lower, upper = (
+            np.clip(np.clip(side, given.arm.lower, given.arm.upper), found.lower, found.upper)
+            for side in (found.lower, found.upper)
+        )
+        return replace(found, lower=lower, upper=upper)
 
     def blocks(self, first: int, weights: ObjectiveWeights) -> list[Block]:
         """Return energy, conditions and the hand's way along the paths, poses and postures at the

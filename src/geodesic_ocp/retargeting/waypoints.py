@@ -106,6 +106,7 @@ def _waypoint_terms(
 
 
 _PEAK, _BRAKING = 1.5, 5.0
+_ROOM = 2e-3  # [rad or m] that nodes keep from the limits, for what lies between them
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,6 +132,7 @@ class ArmWaypoints(ShortRepr):
         path_tolerance: see `RetargetingSettings`.
         others: alignments of the other hands of a body, in the order of its hands, of which
             `alignment` is that of the first.
+        room: by how much [rad or m] paths may leave the limits of `arm` between their nodes.
         turns: rotations of the person's thorax from upright at the waypoints (m + 1, 3, 3), in axes
             of the base; None: not known.
     """
@@ -150,6 +152,7 @@ class ArmWaypoints(ShortRepr):
     path_tolerance: tuple[float, float] = (np.inf, np.inf)
     others: tuple[Alignment, ...] = ()
     turns: Array | None = None
+    room: float = 0.0
     _shown = ("arm", "limited", "count")
 
     @property
@@ -191,6 +194,13 @@ class ArmWaypoints(ShortRepr):
         bound = self.allowed[number] if self.allowed else (0.0, 0.0)
         distances, angles = self.poses[number].errors(self.arm, q)
         return np.asarray(((distances <= bound[0]) & (angles <= bound[1])).all(axis=1))
+
+    @property
+    def path_limits(self) -> tuple[Array, Array]:
+        """Limits of the joints along the paths (n,)."""
+        lower, upper = self.arm.lower, self.arm.upper
+        room = np.minimum(self.room, (upper - lower) / 2.0)
+        return lower - room, upper + room
 
     @cached_property
     def halfway(self) -> tuple[Pose, ...]:
@@ -241,6 +251,7 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         tolerance: tolerance of the paths' conditions.
     """
     settings, mappings, motion = pair.settings, pair.mappings, pair.analysis.motion
+    room = max(_ROOM - 2.0 * tolerance, 0.0)
     moving = [group for group in pair.groups if group.kind != "rest"]
     samples = pair.key_samples
     begins = motion.time[[group.start for group in moving]]
@@ -261,8 +272,9 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
     within = settings.within_limits
     allowed = (np.min([each.allowed_miss(sample) for each in hands], axis=0) for sample in samples)
     return ArmWaypoints(
-        arm=with_narrowed_limits(pair.robot, tolerance) if within else pair.robot,
+        arm=with_narrowed_limits(pair.robot, 2.0 * tolerance + room) if within else pair.robot,
         limited=within,
+        room=room,
         alignment=mappings[0].target,
         begins=begins,
         ends=ends,
