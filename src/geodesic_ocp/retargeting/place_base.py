@@ -53,8 +53,8 @@ _RATIO = 1.1673039782614187  # x^5 = x + 1: its powers cover four dimensions eve
 _STEPS = 20  # of inverse kinematics, from each of
 _STARTS = 6
 _MOST_POSES = 24  # that are counted
-_CHOSEN = 4  # mountings for which configurations are chosen
-_POLISHED = 2
+_CHOSEN = 8  # mountings for which configurations are chosen
+_POLISHED = 1
 _TOLERANCE = 1e-6
 _WITHIN = 1e-4  # [m] and [rad]
 
