@@ -7,16 +7,16 @@ of the straight line, and the time that the joints' speed limits add to it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.execution.clearance import Clearance, active_rows
+from geodesic_ocp.execution.clearance import Clearance, active_rows, is_clear
 from geodesic_ocp.ocp.pose_search import pose_terms, search_bounds, search_each
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
@@ -188,8 +188,39 @@ DETOUR = 40.0  # weight of the hand's distance from the person's halfway, in the
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
-# What distances lack to their bounds at most (k,) [m], at configurations (k, n).
-Lacks: TypeAlias = Callable[[Array], Array]
+@dataclass(frozen=True, eq=False)
+class Lacks:
+    """What distances that depend on one arm lack to their bounds, by the exact geometry.
+
+    Wide capsules overlap in most configurations, also of links that are far apart.
+
+    Attributes:
+        own: those distances, of the joints of all arms.
+        columns: joints of the arm.
+        known: what they lack at configurations that were asked for.
+    """
+
+    own: Clearance
+    columns: slice
+    known: dict[bytes, float] = field(default_factory=dict)
+
+    def __call__(self, q: Array) -> Array:
+        """Return the most that any of them lacks (k,) [m] at configurations (k, n)."""
+        keys = [each.tobytes() for each in q]
+        if new := [k for k, key in enumerate(keys) if key not in self.known]:
+            active, most = active_rows(self.own, self._points(q[new])), np.zeros(len(new))
+            np.maximum.at(most, active.samples, active.lacks)
+            self.known.update(zip((keys[k] for k in new), most.tolist(), strict=True))
+        return np.array([self.known[key] for key in keys])
+
+    def none(self, q: Array) -> bool:
+        """Return whether no distance lacks anything at a configuration (n,), in less time."""
+        return is_clear(self.own, self._points(q[None])[0])
+
+    def _points(self, q: Array) -> Array:
+        points = np.zeros((len(q), self.own.dof))
+        points[:, self.columns] = q
+        return points
 
 
 class StartConfigurations(NamedTuple):
@@ -223,10 +254,8 @@ def graph_weights(
 def own_lacks(
     clearance: Clearance | None, arms: Sequence[ArmWaypoints], number: int
 ) -> Lacks | None:
-    """Return the function of what distances lack to their bounds, those that depend on one arm.
-
-    By the exact geometry where it is known: wide capsules overlap in most configurations, also of
-    links that are far apart. None if there are none.
+    """Return what distances lack to their bounds, those that depend on one arm alone; None if there
+    are none.
     """
     if clearance is None:
         return None
@@ -240,19 +269,8 @@ def own_lacks(
         rows = [mine and not theirs for mine, theirs in zip(rows, shared, strict=True)]
     if not any(rows):
         return None
-    own, known = clearance.only(np.flatnonzero(rows).tolist()), dict[bytes, float]()
-
-    def lacks(q: Array) -> Array:
-        keys = [each.tobytes() for each in q]
-        if new := [k for k, key in enumerate(keys) if key not in known]:
-            points, most = np.zeros((len(new), own.dof)), np.zeros(len(new))
-            points[:, first:after] = q[new]
-            active = active_rows(own, points)
-            np.maximum.at(most, active.samples, active.lacks)
-            known.update(zip((keys[k] for k in new), most.tolist(), strict=True))
-        return np.array([known[key] for key in keys])
-
-    return lacks
+    own = clearance.only(np.flatnonzero(rows).tolist())
+    return Lacks(own, slice(first, after))
 
 
 def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> bool:
@@ -261,7 +279,7 @@ def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> bool:
     gravity = gravity_on(waypoints.alignment)
     held = np.abs(waypoints.arm.inverse_dynamics(q, still, still, gravity))
     strong = bool(np.all(held <= waypoints.limits.torque))
-    return strong and (lacks is None or bool(lacks(q[None])[0] <= 0.0))
+    return strong and (lacks is None or lacks.none(q))
 
 
 def attained(
