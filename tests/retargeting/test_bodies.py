@@ -13,7 +13,7 @@ from small_retargeting import small_analysis
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.limits import joint_limits
-from geodesic_ocp.ocp.pose_search import PoseSearch
+from geodesic_ocp.ocp.pose_search import pose_terms, search_each
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 
 HANDS = ("right hand", "left hand")
@@ -69,9 +69,11 @@ def test_one_configuration_has_the_poses_of_both_hands() -> None:
         q = rng.uniform(-1.0, 1.0, body.dof)
         rotation, position = body.stacked_poses(HANDS, q)
         near = q + rng.normal(0.0, 0.1, body.dof)
-        search = PoseSearch.checked("test", body, near, position, rotation, hands=HANDS)
-        found, errors = search.from_every_start(near[None], np.ones(len(search.rows)))
-        assert errors.max() < 1e-9
+        terms = pose_terms(body, tuple(range(12)), HANDS)
+        p = np.concatenate([position, rotation.ravel(order="F"), np.eye(3).ravel()])
+        bounds = body.lower, body.upper
+        (found,), errors = search_each(terms, p[None], near[None, None], bounds, np.ones(12))
+        assert np.abs(errors).max() < 1e-9
         for hand in HANDS:
             one = body.with_hand(hand)
             for part, wanted in zip(one.hand_pose(found[0]), one.hand_pose(q), strict=True):

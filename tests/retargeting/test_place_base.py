@@ -94,7 +94,7 @@ def test_a_robot_is_moved_if_poses_are_out_of_reach(robot: go.Model) -> None:
     assert arm.placement is not None
     assert arm.placement.count == arm.placement.reached > arm.placement.reached_before
     assert not arm.missed
-    assert "was moved, as it did not attain all poses" in found.synergy_table().attrs["note"]
+    assert "is moved, as it does not attain all poses" in found.synergy_table().attrs["note"]
     assert_allclose(arm.mapping.target.shoulder, arm.placement.alignment.shoulder)
     assert arm.mapping.scale == SCALE  # as asked for
 

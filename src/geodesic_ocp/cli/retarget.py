@@ -288,7 +288,7 @@ def _summarize(result: Retargeting) -> None:
         )
     for arm in result.bodies:
         if arm.placement:
-            print(f"{arm.name} was moved, as it did not attain all poses: {arm.placement}")
+            print(f"{arm.name} is moved, as {arm.placement.reason}: {arm.placement}")
         if arm.robot.shared_joints:
             print(waist_motion(arm))
     time = "the person's time"

@@ -129,11 +129,11 @@ class Knots:
     pieces: np.ndarray
 
     @classmethod
-    def spaced(cls, edges: Array, durations: Array) -> Knots:
-        """Return about 40 ms apart when the intervals (m,) between edges (m + 1,) take these
-        durations.
+    def spaced(cls, edges: Array, durations: Array, times: float = 1.0) -> Knots:
+        """Return about 40 ms apart, or so many times that, when the intervals (m,) between edges
+        (m + 1,) take these durations.
         """
-        spacing = max(_SPACING, float(durations.sum()) / _MOST)
+        spacing = times * max(_SPACING, float(durations.sum()) / _MOST)
         return cls(edges, np.maximum(np.ceil(durations / spacing), _LEAST).astype(int))
 
     @property
@@ -331,7 +331,7 @@ class Course:
 
     def _metrics(self, q: Array) -> Array:
         """Return G(q) + a I relative to its mean diagonal, (k, n, n), at configurations (k, n)."""
-        matrices = np.array([self.arm.robot.mass_matrix(each) for each in q])
+        matrices = self.arm.robot.mass_matrix(q)
         matrices = matrices / np.diagonal(matrices, axis1=1, axis2=2).mean()
         return np.asarray(matrices + _ISOTROPIC * np.eye(self.arm.robot.dof))
 

@@ -417,6 +417,17 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
     return ActiveRows(samples, rows, lower, lower - found)
 
 
+def is_clear(clearance: Clearance, q: ArrayLike) -> bool:
+    """Return whether no distance is too small at a configuration (N,), see `active_rows`."""
+    (point,) = as_configurations("q", np.reshape(q, (1, -1)), clearance.dof)
+    lacks = clearance.lower - clearance.function(point).full()[:, 0]
+    rows = [row for row in np.argsort(-lacks).tolist() if lacks[row] > 0.0]
+    if clearance.exact is None:
+        return not rows
+    least = clearance.lower
+    return all(_exact_below(clearance, point, row, least[row]) >= least[row] for row in rows)
+
+
 def _exact_below(clearance: Clearance, q: Array, index: int, most: float) -> float:
     """Return an exact distance [m]; infinite if it is known not to be below `most`."""
     assert clearance.exact is not None  # as the callers make sure

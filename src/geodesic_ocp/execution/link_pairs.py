@@ -10,7 +10,6 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number
@@ -242,7 +241,7 @@ def _one_joint_apart(one: PlacedSolid, other: PlacedSolid) -> bool:
 
 
 def sampled_configurations(models: Sequence[Model], count: int) -> Array:
-    """Return configurations (count, N) within the limits of all joints, evenly spread.
+    """Return configurations (count, N) within the limits of all joints.
 
     Unlimited joints take one revolution, or 1 m to either side.
     """
@@ -253,9 +252,7 @@ def sampled_configurations(models: Sequence[Model], count: int) -> Array:
     half = np.array([np.pi if unit == "rad" else 1.0 for unit in units])
     lower = np.where(np.isfinite(lower), lower, np.minimum(-half, upper - 2.0 * half))
     upper = np.where(np.isfinite(upper), upper, np.maximum(half, lower + 2.0 * half))
-    power = int(np.ceil(np.log2(count)))
-    points = scipy.stats.qmc.Sobol(len(lower), seed=0).random_base2(power)[:count]
-    return np.asarray(lower + (upper - lower) * points)
+    return np.random.default_rng(0).uniform(lower, upper, (count, lower.size))
 
 
 @dataclass(frozen=True, eq=False)

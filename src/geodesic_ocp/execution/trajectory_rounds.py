@@ -214,6 +214,7 @@ def _at_both_ends(of_pieces: Array) -> Array:
 
 
 MOST_ROUNDS = 15
+_COARSE = 2.0  # spacing of the knots by which durations are first found
 _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
 # The nearest points of the paths are found anew until the duration changes by less than this.
 _SETTLED = 0.005
@@ -403,7 +404,7 @@ def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
     arms, rest, edges = coarse.arms, coarse.rest, coarse.knots.edges
     references = [terms.as_recorded(rest, stops) for terms in coarse.terms]
     durations = stretched(arms, references, coarse.knots, rest)
-    program = replace(coarse, knots=Knots.spaced(edges, durations))
+    program = replace(coarse, knots=Knots.spaced(edges, durations, _COARSE))
     references = [terms.as_recorded(rest, stops) for terms in program.terms]
     states = through(references, program.knots, more * durations, rest)
     pairs = zip(program.terms, references, strict=True)

@@ -27,7 +27,7 @@ from geodesic_ocp.model.joints import without_noise
 
 BACKENDS = ("pinocchio.casadi", "built-in")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
-_VECTORISED = ("frame_pose", "inverse_dynamics")
+_VECTORISED = ("frame_pose", "inverse_dynamics", "mass_matrix")
 NOT_INSTALLED = (
     "the pin wheels on PyPI do not include it; `make pinocchio-casadi` builds it for them, and the"
     " pinocchio of conda-forge includes it"

@@ -63,10 +63,17 @@ def _fitted(vertices: bytes) -> tuple[Point, Point, float]:
     size = float(np.ptp(cloud, axis=0).max())
     principal = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=True)[2]
 
+    columns, squares = np.ascontiguousarray(cloud.T), np.sum(cloud**2, axis=1)
+
     def volume(ends: Array) -> float:
-        start, end = ends.reshape(2, 3)
-        radius = float(distances_to_segment(cloud, start, end).max()) / size
-        return np.pi * radius**2 * (float(np.linalg.norm(end - start)) / size + 4.0 / 3.0 * radius)
+        start, along = ends[:3], ends[3:] - ends[:3]
+        length = float(along @ along)
+        upto = along @ columns - along @ start  # a few products, as there are many evaluations
+        least = np.clip(upto / max(length, np.finfo(float).tiny), 0.0, 1.0)
+        apart = squares - 2.0 * (start @ columns) + start @ start
+        square = float((apart + least * (least * length - 2.0 * upto)).max())
+        radius = float(np.sqrt(max(square, 0.0))) / size
+        return np.pi * radius**2 * (float(np.sqrt(length)) / size + 4.0 / 3.0 * radius)
 
     best = min((_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)), key=volume)
     options = {"maxfev": _MAX_EVALUATIONS, "xatol": 1e-3 * size, "fatol": 1e-5, "adaptive": True}

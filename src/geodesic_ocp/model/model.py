@@ -176,7 +176,10 @@ class Model:
         return SymbolicFunctions(self.pin, str(self.backend))
 
     def mass_matrix(self, q: Any) -> Any:
-        """Get mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
+        """Get mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints].
+
+        Of k configurations (k, n): (k, n, n).
+        """
         return self._functions.value("mass_matrix", q=q)
 
     def kinetic_energy(self, q: Any, v: Any) -> Any:

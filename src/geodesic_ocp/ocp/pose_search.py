@@ -96,6 +96,61 @@ def search_simultaneously(
     return Found(every, np.abs(pose_errors(every)[0]).max(axis=1, initial=0.0))
 
 
+def search_each(
+    terms: Terms,
+    p: Array,
+    starts: Array,
+    bounds: tuple[Array, Array],
+    weights: Array,
+    steps: int = _USUAL_STEPS,
+    one_each: bool = False,
+) -> tuple[Array, Array]:
+    """Return configurations (k, m, n) found from m starts for each of k poses, and pose errors
+    (k, m, rows) there.
+
+    Away from the poses they are those of local minima.
+
+    Args:
+        terms: pose errors, see `pose_terms`.
+        p: their parameters for each pose (k, .).
+        starts: configurations (k, m, n) to search from.
+        bounds: lower and upper (n,).
+        weights: weights of the rows, in the search.
+        steps: number of steps.
+        one_each: whether a pose that one of its starts has reached needs no others, and those that
+            are far away are not given up.
+    """
+    count, each, n = starts.shape
+    target = np.repeat(np.arange(count), each)
+    best = q = np.clip(starts.reshape(-1, n), *bounds)
+    found, least = np.full((len(q), weights.size), np.inf), np.full(len(q), np.inf)
+    active = np.arange(len(q))
+    for number in range(steps + 1):
+        errors, jacobians = terms.jacobians(q, p[target[active]])
+        weighted = weights * errors
+        square = (weighted * weighted).sum(axis=1)
+        better = square < least[active]
+        rows = active[better]
+        best[rows], found[rows], least[rows] = q[better], errors[better], square[better]
+        largest = np.abs(weighted).max(axis=1)
+        going = largest > _EXACT_EACH
+        if one_each:
+            reached = np.zeros(count, dtype=bool)
+            reached[target[active[~going]]] = True
+            going &= ~reached[target[active]]
+        elif number >= _PATIENCE:
+            going &= largest <= _FAR
+        step, _ = pose_steps(
+            q[going], weighted[going], weights[:, None] * jacobians[going], None, *bounds
+        )
+        moves = np.abs(step).max(axis=1, initial=0.0) > _STUCK * largest[going]
+        active, step = active[going][moves], step[moves]
+        if not len(active):
+            break
+        q = np.clip(q[going][moves] + step, *bounds)
+    return best.reshape(starts.shape), found.reshape(count, each, -1)
+
+
 def pose_steps(
     q: Array,
     errors: Array,
@@ -110,12 +165,16 @@ def pose_steps(
     Parts that are not longer than `settled` are left out, so that pose errors vanish quadratically.
     """
     free = np.ones_like(q, dtype=bool)
-    for _ in range(3):  # joints that would leave their range stay at its end
-        step, slide = _free_steps(q, errors, jacobians, near, free, settled)
-        pushed: NDArray[np.bool_] = ((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0))
-        if not np.any(pushed & free):
+    step, slide = _free_steps(q, errors, jacobians, near, free, settled)
+    for _ in range(2):  # joints that would leave their range stay at its end
+        pushed = free & (((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0)))
+        rows = np.flatnonzero(pushed.any(axis=1))
+        if not rows.size:
             break
         free &= ~pushed
+        step[rows], slide[rows] = _free_steps(
+            q[rows], errors[rows], jacobians[rows], near, free[rows], settled
+        )
     return step, slide
 
 
@@ -134,13 +193,16 @@ def _free_steps(
     matrices = free_jacobians @ transposed
     rows = np.arange(errors.shape[1])
     matrices[:, rows, rows] += damping[:, None]
-    closer = np.zeros_like(q) if near is None else _SLIDE * (near - q) * free
-    wanted = np.empty((*errors.shape, 2))
-    wanted[:, :, 0], wanted[:, :, 1] = errors, (free_jacobians @ closer[:, :, None])[:, :, 0]
+    wanted = errors[:, :, None]
+    if near is not None:
+        closer = _SLIDE * (near - q) * free
+        wanted = np.concatenate([wanted, free_jacobians @ closer[:, :, None]], axis=2)
     corrections = transposed @ np.linalg.solve(matrices, wanted)
-    slide = np.where((square < _FAR**2)[:, None], closer - corrections[:, :, 1], 0.0)
-    lengths = np.sqrt((slide * slide).sum(axis=1))
-    step = np.where((lengths > settled)[:, None], slide, 0.0) - corrections[:, :, 0]
+    step, lengths = -corrections[:, :, 0], np.zeros(len(q))
+    if near is not None:
+        slide = np.where((square < _FAR**2)[:, None], closer - corrections[:, :, 1], 0.0)
+        lengths = np.sqrt((slide * slide).sum(axis=1))
+        step += np.where((lengths > settled)[:, None], slide, 0.0)
     length = np.sqrt((step * step).sum(axis=1))[:, None]
     return step * (_LONGEST / np.maximum(length, _LONGEST)), lengths
 
@@ -403,34 +465,15 @@ class PoseSearch:
         attained.sort(key=lambda q: float(np.linalg.norm(q - self.near)))
         return attained, [q for _, q in others], others[0][0]
 
-    def from_every_start(self, starts: Array, weights: Array) -> tuple[Array, Array]:
-        """Return configurations (k, n) found from k starts, each near its start, and their errors
-        (k,).
-
-        The error is the largest entry of the weighted pose error; away from the pose, it is that of
-        a local minimum.
-        """
-        errors = self._weighted_errors(weights)
-        found = search_simultaneously(errors, starts, None, self.bounds, len(starts), np.inf)
-        return found.q, found.errors
-
     def _weighted_errors(self, weights: Array) -> PoseErrors:
         """Return weighted pose errors (k, m) and their Jacobians (k, m, n) at q (k, n)."""
-        p = self._parameters(0.0, np.zeros(len(self.rows)))
+        terms = pose_terms(self.model, self.rows, self.hands)
+        n = self.model.dof
+        p = self._parameters(0.0, np.zeros(0))[n:-1]
 
         def pose_errors(q: Array) -> tuple[Array, Array]:
-            (count, n), m = q.shape, len(self.rows)
-            # Arrays at fixed addresses, as CasADi's conversions would take as long as the function.
-            arguments: list[Any] = [np.ascontiguousarray(q), p]
-            results: list[Any] = [np.empty((count, m)), np.empty((count, n, m))]
-            buffer: Any
-            buffer, call = _error_function(self.model, self.rows, count, self.hands).buffer()
-            for index, (argument, result) in enumerate(zip(arguments, results, strict=True)):
-                buffer.set_arg(index, memoryview(argument))
-                buffer.set_res(index, memoryview(result))
-            call()
-            errors, jacobians = results
-            return weights * errors, weights[:, None] * jacobians.transpose(0, 2, 1)
+            errors, jacobians = terms.jacobians(q, p)
+            return weights * errors, weights[:, None] * jacobians
 
         return pose_errors
 
@@ -506,31 +549,24 @@ def stacked_error(
 
 
 @lru_cache(maxsize=32)
-def errors_and_twists(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca.Function:
-    """Return pose errors, and how they change with the joints.
+def pose_terms(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> Terms:
+    """Return pose errors with how they change with the joints; p: position, rotation by columns,
+    axes.
 
     The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
     which it approaches as the error vanishes, and which changes its length in the same way.
     """
-    function = _pose_errors(model, rows, hands)
-    q, p = (ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate("qp"))
-    first = model.dof + 12 * len(hands)
-    axes, twists = ca.reshape(p[first : first + 9], 3, 3), []
+    n, size = model.dof, 12 * len(hands)
+    q, p = ca.SX.sym("q", n), ca.SX.sym("p", size + 9)
+    every = ca.vertcat(ca.SX.zeros(n), p, ca.SX.zeros(1 + len(rows)))
+    errors = _pose_errors(model, rows, hands)(q, every)
+    axes, twists = ca.reshape(p[size:], 3, 3), []
     jacobians = ca.vertsplit(model.stacked_jacobians(hands, q), 6)
     for hand, jacobian in zip(hands, jacobians, strict=True):
         rotation, _ = model.frame_pose(hand, q)
         twists += [axes.T @ jacobian[:3, :], rotation.T @ jacobian[3:, :]]
-    outputs = ca.cse([function(q, p), ca.densify(ca.vertcat(*twists)[list(rows), :])])
-    return ca.Function("pose_errors", [q, p], outputs)
-
-
-@lru_cache(maxsize=256)
-def _error_function(
-    model: Model, rows: tuple[int, ...], count: int, hands: tuple[str, ...]
-) -> ca.Function:
-    """Return pose errors (m, count) and their Jacobians, side by side, of many configurations."""
-    function = errors_and_twists(model, rows, hands)
-    return function.map("pose_errors", "serial", count, [1], [])
+    slopes = ca.densify(ca.vertcat(*twists)[list(rows), :])
+    return Terms(q, p, 0.0, errors, slopes, lasting=True)
 
 
 @lru_cache(maxsize=32)

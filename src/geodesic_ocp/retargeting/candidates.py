@@ -7,18 +7,17 @@ of the straight line, and the time that the joints' speed limits add to it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, ShortRepr, evaluate
-from geodesic_ocp.execution.clearance import Clearance, active_rows
-from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
-from geodesic_ocp.ocp.pose_search import PoseSearch, search_bounds
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.execution.clearance import Clearance, active_rows, is_clear
+from geodesic_ocp.ocp.pose_search import pose_terms, search_bounds, search_each
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
     gravity_on,
@@ -38,7 +37,7 @@ _SAME = 0.05  # [rad or m]
 _NEARLY, _MORE = 1.5, 0.02
 _NEAR = 32  # more of them that miss a pose within reach
 _POSE_ROUNDS = 4  # of searches, whose results are joined
-_PERHAPS = 1e-3  # error of the nearest pose [m or rad] up to which the pose may be attained
+_PERHAPS = 1e-4  # error of the nearest pose [m or rad] up to which the pose may be attained
 _MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 _TINY = 1e-9
 
@@ -89,55 +88,51 @@ class Candidates(ShortRepr):
 
 def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
     """Get configurations at each waypoint, from random starts and those of the waypoint before."""
-    found: list[Candidates] = []
+    count, given = waypoints.count + 1, waypoints.start
     rng, middle = np.random.default_rng(0), middle_of_ranges(waypoints.arm)[0]
     lower, upper, _ = search_bounds(waypoints.arm, middle, waypoints.limited)
-    for number in range(waypoints.count + 1):
-        if number == 0 and waypoints.start is not None:
-            found.append(Candidates.attaining(waypoints.start))
-            continue
-        starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
-        if waist := [waypoints.arm.joint_names.index(each) for each in waypoints.arm.shared_joints]:
-            starts[:, waist] = upright(waypoints.arm)[waist]
-        before = found[-1].q[:_CARRIED] if found else middle[None]
-        layer = candidates_near(waypoints, number, np.vstack([before, starts]))
-        found.append(_reached(layer, waypoints, number))
-    return found
+    starts = rng.uniform(lower, upper, (count, _STARTS, waypoints.arm.dof))
+    if waist := [waypoints.arm.joint_names.index(each) for each in waypoints.arm.shared_joints]:
+        starts[:, :, waist] = upright(waypoints.arm)[waist]
+    starts[:, 0] = middle
+    layers = candidates_near(waypoints, starts)
+    if given is not None:
+        layers[0] = Candidates.attaining(given)
+    carried = [layers[max(0, number - 1)].q[:_CARRIED] for number in range(count)]
+    more = candidates_near(
+        waypoints, np.array([np.resize(q, starts[0, :_CARRIED].shape) for q in carried])
+    )
+    found = [
+        _reached(layer.joined(other), waypoints, number)
+        for number, (layer, other) in enumerate(zip(layers, more, strict=True))
+    ]
+    return found if given is None else [layers[0], *found[1:]]
 
 
 def _reached(layer: Candidates, waypoints: ArmWaypoints, number: int) -> Candidates:
-    """Return the candidates, after a more thorough search for a pose that none of them attains."""
+    """Return the candidates, after a more thorough search for a pose that they nearly attain."""
     arm, near, pose = waypoints.arm, layer.q[0], waypoints.poses[number]
-    if layer.within_reach:
+    if layer.within_reach or max(pose.error(arm, near)) > _PERHAPS:
         return layer
-    if pose.position is not None and not waypoints.others:
-        joint = arm.frame_pose(arm.joint_names[0], np.zeros(arm.dof))[1]
-        if np.linalg.norm(pose.position - joint) > arm.reach:  # farther than the hand ever is
-            return layer
-    given = arm, near, pose.position, pose.rotation
-    search = PoseSearch.checked("retarget", *given, limits=waypoints.limited, hands=pose.hands)
-    q = nearest_configuration(search, waypoints.weights)
-    if max(pose.error(arm, q)) <= _PERHAPS:  # else to attain it exactly would be tried in vain
-        q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
-    error, before = (max(pose.error(arm, each)) for each in (q, near))
-    if error <= REACHED:
-        return Candidates.attaining(q)
-    if error < before:
-        own = Candidates(q[None], np.array([error]), waypoints.is_allowed(number, q[None]))
-        return own.joined(layer)
-    return layer
+    q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
+    attained = max(pose.error(arm, q)) <= REACHED
+    return Candidates.attaining(q).joined(layer) if attained else layer
 
 
-def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Candidates:
-    """Return configurations at one waypoint, each near one of the starts (k, n)."""
-    arm, pose = waypoints.arm, waypoints.poses[number]
-    given = arm, starts[0], pose.position, pose.rotation
-    search = PoseSearch.checked("retarget", *given, limits=waypoints.limited, hands=pose.hands)
-    free = np.full(arm.dof, np.inf)
-    search = replace(search, bounds=(arm.lower, arm.upper) if waypoints.limited else (-free, free))
-    q, errors = search.from_every_start(np.clip(starts, *search.bounds), waypoints.row_weights)
+def candidates_near(waypoints: ArmWaypoints, starts: Array) -> list[Candidates]:
+    """Return configurations at all waypoints, each near one of its starts (m + 1, k, n)."""
+    arm, weights, free = waypoints.arm, waypoints.row_weights, np.full(waypoints.arm.dof, np.inf)
+    bounds = (arm.lower, arm.upper) if waypoints.limited else (-free, free)
+    terms = pose_terms(arm, waypoints.rows, waypoints.hands)
+    p = np.array([[*pose.numbers, *np.eye(3).ravel()] for pose in waypoints.poses])
+    q, rows = search_each(terms, p, starts, bounds, weights)
+    errors = np.abs(weights * rows).max(axis=2)
     errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
-    return _chosen(q, errors, (errors == 0.0) | waypoints.is_allowed(number, q), _MOST)
+    found = []
+    for number, own in enumerate(zip(q, errors, strict=True)):
+        allowed = (own[1] == 0.0) | waypoints.is_allowed(number, own[0])
+        found.append(_chosen(*own, allowed, _MOST))
+    return found
 
 
 def _chosen(q: Array, errors: Array, allowed: NDArray[np.bool_], most: int) -> Candidates:
@@ -193,8 +188,39 @@ DETOUR = 40.0  # weight of the hand's distance from the person's halfway, in the
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
-# What distances lack to their bounds at most (k,) [m], at configurations (k, n).
-Lacks: TypeAlias = Callable[[Array], Array]
+@dataclass(frozen=True, eq=False)
+class Lacks:
+    """What distances that depend on one arm lack to their bounds, by the exact geometry.
+
+    Wide capsules overlap in most configurations, also of links that are far apart.
+
+    Attributes:
+        own: those distances, of the joints of all arms.
+        columns: joints of the arm.
+        known: what they lack at configurations that were asked for.
+    """
+
+    own: Clearance
+    columns: slice
+    known: dict[bytes, float] = field(default_factory=dict)
+
+    def __call__(self, q: Array) -> Array:
+        """Return the most that any of them lacks (k,) [m] at configurations (k, n)."""
+        keys = [each.tobytes() for each in q]
+        if new := [k for k, key in enumerate(keys) if key not in self.known]:
+            active, most = active_rows(self.own, self._points(q[new])), np.zeros(len(new))
+            np.maximum.at(most, active.samples, active.lacks)
+            self.known.update(zip((keys[k] for k in new), most.tolist(), strict=True))
+        return np.array([self.known[key] for key in keys])
+
+    def none(self, q: Array) -> bool:
+        """Return whether no distance lacks anything at a configuration (n,), in less time."""
+        return is_clear(self.own, self._points(q[None])[0])
+
+    def _points(self, q: Array) -> Array:
+        points = np.zeros((len(q), self.own.dof))
+        points[:, self.columns] = q
+        return points
 
 
 class StartConfigurations(NamedTuple):
@@ -228,10 +254,8 @@ def graph_weights(
 def own_lacks(
     clearance: Clearance | None, arms: Sequence[ArmWaypoints], number: int
 ) -> Lacks | None:
-    """Return the function of what distances lack to their bounds, those that depend on one arm.
-
-    By the exact geometry where it is known: wide capsules overlap in most configurations, also of
-    links that are far apart. None if there are none.
+    """Return what distances lack to their bounds, those that depend on one arm alone; None if there
+    are none.
     """
     if clearance is None:
         return None
@@ -245,19 +269,8 @@ def own_lacks(
         rows = [mine and not theirs for mine, theirs in zip(rows, shared, strict=True)]
     if not any(rows):
         return None
-    own, known = clearance.only(np.flatnonzero(rows).tolist()), dict[bytes, float]()
-
-    def lacks(q: Array) -> Array:
-        keys = [each.tobytes() for each in q]
-        if new := [k for k, key in enumerate(keys) if key not in known]:
-            points, most = np.zeros((len(new), own.dof)), np.zeros(len(new))
-            points[:, first:after] = q[new]
-            active = active_rows(own, points)
-            np.maximum.at(most, active.samples, active.lacks)
-            known.update(zip((keys[k] for k in new), most.tolist(), strict=True))
-        return np.array([known[key] for key in keys])
-
-    return lacks
+    own = clearance.only(np.flatnonzero(rows).tolist())
+    return Lacks(own, slice(first, after))
 
 
 def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> bool:
@@ -266,7 +279,7 @@ def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> bool:
     gravity = gravity_on(waypoints.alignment)
     held = np.abs(waypoints.arm.inverse_dynamics(q, still, still, gravity))
     strong = bool(np.all(held <= waypoints.limits.torque))
-    return strong and (lacks is None or bool(lacks(q[None])[0] <= 0.0))
+    return strong and (lacks is None or lacks.none(q))
 
 
 def attained(
@@ -278,10 +291,11 @@ def attained(
     return [any(can_hold(waypoints, lacks, q) for q in layer.q[layer.allowed]) for layer in layers]
 
 
+@lru_cache(maxsize=8)
 def find_start(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
-    layers: Sequence[Candidates],
+    layers: tuple[Candidates, ...],
     lacks: Lacks | None = None,
 ) -> StartConfigurations:
     """Return the configurations at the waypoints from which the program starts.
@@ -294,18 +308,16 @@ def find_start(
     """
     rng = np.random.default_rng(1)
     best = best_candidates(waypoints, weights, layers, lacks)
+    last = len(layers) - 1
     for _ in range(_ROUNDS):
-        finer = []
-        for number, layer in enumerate(layers):
-            if number == 0 and waypoints.start is not None:
-                finer.append(layer)
-                continue
-            around = best.q[max(0, number - 1) : number + 2]
-            spread = np.repeat(around, _AROUND // len(around), axis=0)
-            random = spread + _SPREAD * rng.standard_normal(spread.shape)
-            starts = np.vstack([around, around.mean(axis=0), random])
-            more = candidates_near(waypoints, number, starts)
-            finer.append(layer.joined(more))
+        around = np.array([best.q[[max(0, k - 1), k, min(k + 1, last)]] for k in range(last + 1)])
+        spread = np.repeat(around, _AROUND // 3, axis=1)
+        random = spread + _SPREAD * rng.standard_normal(spread.shape)
+        starts = np.concatenate([around, around.mean(axis=1, keepdims=True), random], axis=1)
+        more = candidates_near(waypoints, starts)
+        finer = [layer.joined(other) for layer, other in zip(layers, more, strict=True)]
+        if waypoints.start is not None:
+            finer[0] = layers[0]
         layers, before = tuple(finer), best
         best = best_candidates(waypoints, weights, layers, lacks)
         if best.cost > 0.99 * before.cost:
@@ -320,7 +332,7 @@ def best_candidates(
     lacks: Lacks | None = None,
 ) -> StartConfigurations:
     """Return the shortest path through the candidates; see `find_start`."""
-    matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
+    matrices = [waypoints.arm.mass_matrix(layer.q) for layer in layers]
     nodes = [node_costs(waypoints, weights, number, layer) for number, layer in enumerate(layers)]
     if lacks is not None:
         for costs, layer in zip(nodes, layers, strict=True):
@@ -334,23 +346,13 @@ def best_candidates(
     return StartConfigurations(q, missed, allowed & (missed > 0.0), cost)
 
 
-def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
-    """Return the mass matrices of many configurations, (k, n, n)."""
-    n = waypoints.arm.dof
-    x = ca.SX.sym("q", n)
-    function = ca.Function("matrix", [x], [waypoints.arm.mass_matrix(x)])
-    stacked = evaluate(function.map(len(q)), q.T)
-    return np.asarray(stacked).reshape(n, len(q), n).transpose(1, 0, 2)
-
-
 def node_costs(
     waypoints: ArmWaypoints, weights: ObjectiveWeights, number: int, candidates: Candidates
 ) -> Array:
     """Return the costs (k,) at a waypoint: posture, likeness, gravity torques, missed poses."""
-    q = candidates.q
-    parameters = [waypoints.parameters(number, each, weights) for each in candidates.missed]
-    costs, _ = waypoints.terms.value.map(len(q))(q.T, np.transpose(parameters))
-    return np.asarray(costs.full()).ravel() / (waypoints.count + 1)
+    parameters = waypoints.parameters(number, candidates.missed, weights)
+    costs, _ = waypoints.terms.at("value", candidates.q, parameters)
+    return costs[:, 0] / (waypoints.count + 1)
 
 
 def _edge_costs(
@@ -381,7 +383,6 @@ def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
     In units of 1 rad and of a fraction of the arm's length, per movement and hand. Of two ways
     around, on which the hand turns to either side, one is that of the person.
     """
-    (pose,) = waypoints.target_at(np.array([number + 0.5]))
-    distances, angles = pose.errors(waypoints.arm, middle)
+    distances, angles = waypoints.halfway[number].errors(waypoints.arm, middle)
     squares = angles**2 + (distances / (_FAR * waypoints.alignment.length)) ** 2
     return np.asarray(squares.mean(axis=1) / waypoints.count)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.limits import JointLimits, checked_start
 from geodesic_ocp.model.distances import signed_distances
@@ -26,12 +27,12 @@ from geodesic_ocp.ocp.pose_search import (
     CollisionAvoidance,
     PoseSearch,
     pose_difference,
+    stacked_error,
 )
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, moving
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analyse import Analysis
-from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.synergies.segment import speeds
 
 _GRAVITY = 9.81  # [m/s^2]
@@ -82,13 +83,22 @@ class Pose(ShortRepr):
 
     def errors(self, model: Model, q: Array) -> tuple[Array, Array]:
         """Get distances [m] and angles [rad] of the h hands at configurations (k, n), (k, h)."""
-        here = model.stacked_poses(self.hands, q)
-        targets = (
-            own if part is None else np.broadcast_to(part, own.shape)
-            for part, own in zip((self.rotation, self.position), here, strict=True)
-        )
-        distances, angles = pose_differences(here, (next(targets), next(targets)))
-        return distances.reshape(len(q), -1), angles.reshape(len(q), -1)
+        hands = self.hands or (model.hand,)
+        _, squares = _pose_squares(model, hands).at("value", q, self.numbers)
+        found = np.sqrt(squares).reshape(len(q), len(hands), 2)
+        found *= [self.position is not None, self.rotation is not None]
+        return found[..., 0], found[..., 1]
+
+
+@lru_cache(maxsize=32)
+def _pose_squares(model: Model, hands: tuple[str, ...]) -> Terms:
+    """Return squared distance and angle of each hand from a pose, p: `Pose.numbers`."""
+    count = len(hands)
+    q, p = ca.SX.sym("q", model.dof), ca.SX.sym("p", 12 * count)
+    rotation = ca.reshape(p[3 * count :], 3 * count, 3)
+    error = stacked_error(model, hands, q, p[: 3 * count], rotation, ca.SX.eye(3))
+    squares = [ca.sumsqr(each) for each in ca.vertsplit(error, 3)]
+    return Terms(q, p, 0.0, ca.vertcat(*squares), lasting=True)
 
 
 def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
@@ -99,10 +109,10 @@ def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=16)
-def with_narrowed_limits(robot: Model, tolerance: float) -> Model:
-    """Get the robot with limits narrowed by twice a tolerance, so that none is violated by it."""
-    gap = np.minimum(2.0 * tolerance, (robot.upper - robot.lower) / 4.0)
-    return robot.with_limits(robot.lower + gap, robot.upper - gap)
+def with_narrowed_limits(robot: Model, gap: float) -> Model:
+    """Get the robot with limits narrowed by a gap [rad or m], or by a quarter of a small range."""
+    own = np.minimum(gap, (robot.upper - robot.lower) / 4.0)
+    return robot.with_limits(robot.lower + own, robot.upper - own)
 
 
 def nearest_configurations(

@@ -145,7 +145,14 @@ class ArmPart:
     @cached_property
     def bounds(self) -> NodeBounds:
         """Return bounds of the positions at the nodes, and of conditions along the paths."""
-        return NodeBounds.on_grid(self.definition.conditions, self.grid)
+        found, given = NodeBounds.on_grid(self.definition.conditions, self.grid), self.waypoints
+        if not given.limited:
+            return found
+        lower, upper = (
+            np.clip(np.clip(side, given.arm.lower, given.arm.upper), found.lower, found.upper)
+            for side in (found.lower, found.upper)
+        )
+        return replace(found, lower=lower, upper=upper)
 
     def blocks(self, first: int, weights: ObjectiveWeights) -> list[Block]:
         """Return energy, conditions and the hand's way along the paths, poses and postures at the
@@ -196,7 +203,7 @@ class ArmPart:
             weights: weights of the objective.
         """
         given, count = self.waypoints, self.waypoints.count + 1
-        rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed)]
+        rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed[:, None])]
         nodes = self.grid.degree * np.array([0, *self.last_segments])
         places = first + self.dof * nodes[:, None] + np.arange(self.dof)
         free = self.missed > 0.0
@@ -210,7 +217,9 @@ class ArmPart:
             own = np.where([0 in given.rows, 3 in given.rows], np.square(given.allowed[k]), np.inf)
             squares[k] = np.tile(own, hands)
         share = np.full(count, 1.0 / count)
-        return Block(given.terms, places, np.array(rows), lower, np.hstack([upper, squares]), share)
+        return Block(
+            given.terms, places, np.vstack(rows), lower, np.hstack([upper, squares]), share
+        )
 
     def speed_rows(self, intervals: Array) -> tuple[scipy.sparse.coo_array, Array]:
         """Return matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean
@@ -222,22 +231,22 @@ class ArmPart:
         Args:
             intervals: for each movement the share of each interval in its duration, (m, intervals).
         """
-        given, breakpoints = self.waypoints, self.grid.breakpoints
-        unit = scipy.sparse.eye_array(self.size, format="csr")
-        nodes = self.grid.degree * self.dof * np.arange(breakpoints.size)[:, None]
-        matrices, times = [], list[Array]()
+        breakpoints, halves = self.grid.breakpoints, list[tuple[int, int, int]]()
         for number, (first, last) in enumerate(pairwise([0, *self.last_segments])):
-            limited = np.isfinite(given.speed[number])
-            joints = np.repeat(np.flatnonzero(limited), 2)  # in both directions
-            speed = given.speed[number, joints] * np.tile([1.0, -1.0], limited.sum())
             middle = np.abs(2.0 * breakpoints - breakpoints[first] - breakpoints[last]).argmin()
-            for begin, end in pairwise(dict.fromkeys([first, int(middle), last])):
-                seconds = self.moving_time * (breakpoints[end] - breakpoints[begin])
-                step = unit[nodes[end] + joints] - unit[nodes[begin] + joints]
-                matrices.append(step.multiply(1.0 / (speed * seconds)[:, None]))
-                times += [intervals[number]] * joints.size
-        matrix = scipy.sparse.vstack(matrices, format="coo")
-        return matrix, np.reshape(times, (len(times), intervals.shape[1]))
+            edges = dict.fromkeys([first, int(middle), last])
+            halves += [(number, *pair) for pair in pairwise(edges)]
+        numbers, begins, ends = np.array(halves).T
+        speed = self.waypoints.speed[numbers]
+        half, joint = np.nonzero(np.isfinite(speed))
+        seconds = self.moving_time * (breakpoints[ends] - breakpoints[begins])[half]
+        entries, rows = 1.0 / (speed[half, joint] * seconds), np.arange(half.size)
+        columns = [self.grid.degree * self.dof * at[half] + joint for at in (ends, begins)]
+        places = np.tile(rows, 2), np.concatenate(columns)
+        given = np.concatenate([entries, -entries]), places
+        step = scipy.sparse.coo_array(given, (half.size, self.size))
+        both = scipy.sparse.vstack([step, -step], format="coo")
+        return both, np.tile(intervals[numbers[half]], (2, 1))
 
     def nodes_on_lines(self, q: Array) -> Array:
         """Return positions at the nodes (size, n) on the straight lines between waypoints (m + 1,

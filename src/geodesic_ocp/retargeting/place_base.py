@@ -53,8 +53,8 @@ _RATIO = 1.1673039782614187  # x^5 = x + 1: its powers cover four dimensions eve
 _STEPS = 20  # of inverse kinematics, from each of
 _STARTS = 6
 _MOST_POSES = 24  # that are counted
-_CHOSEN = 4  # mountings for which configurations are chosen
-_POLISHED = 2
+_CHOSEN = 8  # mountings for which configurations are chosen
+_POLISHED = 1
 _TOLERANCE = 1e-6
 _WITHIN = 1e-4  # [m] and [rad]
 
@@ -93,6 +93,16 @@ class BasePlacement(ShortRepr):
         """That of the hand, or of the first of several."""
         return self.alignments[0]
 
+    @property
+    def gains(self) -> bool:
+        """Whether more poses are within reach than with the default alignment."""
+        return self.reached > self.reached_before
+
+    @property
+    def reason(self) -> str:
+        """Why a robot is moved here by default, a clause."""
+        return "it does not attain all poses" if self.gains else "its motion is slow"
+
     def __str__(self) -> str:
         ways = (("right", "left"), ("forward", "backward"), ("up", "down"))
         parts = [
@@ -107,7 +117,8 @@ class BasePlacement(ShortRepr):
             parts.append("the motion mirrored")
         return (
             f"base {', '.join(parts) or 'at its default place'}: {self.reached} of {self.count} "
-            f"poses within reach, {self.reached_before} at the default place"
+            f"poses within reach, {self.reached_before} at the default place; cost "
+            f"{self.cost:.3g}, {self.cost_before:.3g} there"
         )
 
 
@@ -193,16 +204,10 @@ def place_base(
     return _BaseSearch(tuple(pairs), lower, upper, mirrored, clearance).best()
 
 
-def place_within_reach(
-    pair: PairedArm, clearance: Clearance | None
-) -> tuple[PairedArm, BasePlacement] | None:
-    """Return a pair at the place with the most poses within reach, within the default bounds of
-    `place_base`; None if no place has more of them than that of its alignment.
-    """
+def best_place(pair: PairedArm, clearance: Clearance | None) -> tuple[PairedArm, BasePlacement]:
+    """Return a pair at the best place within the default bounds of `place_base`."""
     lower, upper = np.transpose([_SHIFTS, _SHIFTS, _SHIFTS, _TURNS])
     found = _BaseSearch((pair,), lower, upper, False, clearance).best()
-    if found.reached <= found.reached_before:
-        return None
     return _at(pair, found.alignments), found
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
@@ -15,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.pose_search import errors_and_twists, pose_steps, search_bounds
+from geodesic_ocp.ocp.pose_search import pose_terms, search_bounds, search_each
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.tables import new_table
@@ -126,10 +124,6 @@ def _numbers(values: Array, digits: int = 3) -> str:
     return f"({', '.join(f'{value:.{digits}g}' for value in values)})"
 
 
-_ATTAINED = 1e-8  # [m] and [rad]
-_WIDTH = 32  # configurations that a mapped function takes
-
-
 class NearestPoses(NamedTuple):
     """The nearest poses found.
 
@@ -164,38 +158,16 @@ def nearest_poses(
         starts: configurations (k, m, n).
         steps: number of steps.
     """
-    count, each, n = starts.shape
-    rows = tuple(range(3 if rotations is None else 6))
-    lower, upper = search_range(robot)
-    target = np.repeat(np.arange(count), each)
+    count, rows = len(starts), tuple(range(3 if rotations is None else 6))
     turned = np.repeat(np.eye(3)[None], count, axis=0) if rotations is None else rotations
     by_columns = turned.transpose(0, 2, 1).reshape(count, 9)
     axes = np.tile(np.eye(3).ravel(), (count, 1))
-    unused = np.zeros((count, n)), np.zeros((count, 1 + len(rows)))
-    poses = np.hstack([unused[0], positions, by_columns, axes, unused[1]])
-    q = np.clip(starts.reshape(-1, n), lower, upper)
-    best = q.copy()
-    least = np.full(len(q), np.inf)
-    active = np.arange(len(q))
-    for number in range(steps + 1):
-        errors, jacobians = _errors(robot, rows, q[active], poses[target[active]])
-        square = (errors * errors).sum(axis=1)
-        better = square < least[active]
-        best[active[better]], least[active[better]] = q[active[better]], square[better]
-        # A target that one of its starts has reached needs no other.
-        reached = np.zeros(count, dtype=bool)
-        reached[target[least <= _ATTAINED**2]] = True
-        going = ~reached[target[active]]
-        active, errors, jacobians = active[going], errors[going], jacobians[going]
-        if not len(active) or number == steps:
-            break
-        step, _ = pose_steps(q[active], errors, jacobians, None, lower, upper)
-        q[active] = np.clip(q[active] + step, lower, upper)
-    grouped = least.reshape(count, each)
-    chosen = best.reshape(count, each, n)[np.arange(count), grouped.argmin(axis=1)]
-    errors, _ = _errors(robot, rows, chosen, poses)
-    distances = np.linalg.norm(errors[:, :3], axis=1)
-    return NearestPoses(chosen, distances, np.linalg.norm(errors[:, 3:], axis=1))
+    p = np.hstack([positions, by_columns, axes])
+    terms, weights = pose_terms(robot, rows, (robot.hand,)), np.ones(len(rows))
+    q, errors = search_each(terms, p, starts, search_range(robot), weights, steps, True)
+    nearest = np.arange(count), (errors**2).sum(axis=2).argmin(axis=1)
+    distances = np.linalg.norm(errors[nearest][:, :3], axis=1)
+    return NearestPoses(q[nearest], distances, np.linalg.norm(errors[nearest][:, 3:], axis=1))
 
 
 def nearest_of_each(
@@ -222,26 +194,6 @@ def search_range(robot: Model) -> tuple[Array, Array]:
     """
     lower, upper, _ = search_bounds(robot, np.zeros(robot.dof), True)
     return lower, upper
-
-
-def _errors(robot: Model, rows: tuple[int, ...], q: Array, poses: Array) -> tuple[Array, Array]:
-    """Return pose errors (k, rows) and Jacobians (k, rows, n)."""
-    count, n = q.shape
-    errors, jacobians = np.empty((count, len(rows))), np.empty((count, len(rows), n))
-    for first in range(0, count, _WIDTH):
-        size = min(_WIDTH, count - first)
-        part = slice(first, first + size)
-        padded = np.zeros((_WIDTH, n)), np.tile(poses[:1], (_WIDTH, 1))
-        padded[0][:size], padded[1][:size] = q[part], poses[part]
-        found, sides = _mapped(robot, rows)(padded[0].T, padded[1].T)
-        errors[part] = found.full().T[:size]
-        jacobians[part] = sides.full().reshape(len(rows), _WIDTH, n).transpose(1, 0, 2)[:size]
-    return errors, jacobians
-
-
-@lru_cache(maxsize=64)
-def _mapped(robot: Model, rows: tuple[int, ...]) -> ca.Function:
-    return errors_and_twists(robot, rows, (robot.hand,)).map(_WIDTH)
 
 
 _WITHIN = 1e-4  # [m] and [rad]

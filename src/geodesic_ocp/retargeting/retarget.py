@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -16,7 +16,7 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
-from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
+from geodesic_ocp.execution.plan_trajectory import plan_trajectory
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
@@ -39,7 +39,7 @@ from geodesic_ocp.retargeting.candidates import (
 from geodesic_ocp.retargeting.free_geodesics import free_ends, free_geodesics
 from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.retargeting.pairing import paired_arms
-from geodesic_ocp.retargeting.place_base import BasePlacement, place_within_reach
+from geodesic_ocp.retargeting.place_base import BasePlacement, best_place
 from geodesic_ocp.retargeting.reachability import reachability
 from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
 from geodesic_ocp.retargeting.settings import (
@@ -59,6 +59,7 @@ _RATE = 100.0  # [Hz]
 # to its limit.
 _MOVING = 1.5
 _WORTH = 0.95  # of the cost, from which a turned gripper is tried
+_SLOW, _SLOWEST = 1.5, 2.5  # times the person's time, of the motion and of a synergy: too slow
 
 
 @shows_progress
@@ -109,8 +110,9 @@ def retarget(
         alignment: alignment of the robot's shoulder and hand with the person's, or one for each of
             several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
             out of reach, or links too near or joints too weak at them, the base of one robot is
-            moved to where most are attained (`place_base`), unless a start, obstacles or a problem
-            of one's own are given.
+            moved to where most are attained (`place_base`); if the motion takes 1.5 times the
+            person's time, or a synergy 2.5 times, to where it is quicker. Not if a start, obstacles
+            or a problem of one's own are given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -125,9 +127,8 @@ def retarget(
         progress: called with the current step, the amount done and the total.
 
     Warns:
-        UserWarning: before anything is solved, a base that is moved, and poses that are out of
-            reach by more than the tolerance, with the distances of the nearest ones found;
-            afterwards poses that are
+        UserWarning: a base that is moved; poses that are out of reach by more than the tolerance,
+            with the distances of the nearest ones found; joints that are too weak; poses that are
             missed by more than the tolerance, detours of the hand, links that come too near, and
             synergies that take three times the person's time, with the place in the recording.
 
@@ -206,53 +207,20 @@ def retarget_arms(
         raise ValueError(f"problem must be SynergyPaths or a subclass of it, got {problem!r}")
     pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
-    paths: PlannedPaths | None = None
-    placement: BasePlacement | None = None
-    bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first of each
+    plan = _Plan(clearance, rate, tolerance, throw, report)
     if settings.constrained:
-        weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
-        kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
-        grasps = [_grasps(pair, tolerance) for pair in bodies]
+        bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]
         movable = len(bodies) == 1 and problem is SynergyPaths and not settings.obstacles
+        movable &= settings.position_weight > 0.0
         movable &= all(each is None for given in (alignments, starts) for each in given or ())
-        if movable and (moved := _within_reach(grasps[0][0], clearance, report)):
-            placed, placement = moved
-            pairs, grasps = list(placed.of_hands), [_grasps(placed, tolerance)]
-            bodies = pairs[:1]
-        found: list[tuple[PlannedPaths, list[_Grasp]]] = []
-        for number in range(max(map(len, grasps))):  # that of the person, and turned
-            chosen = [each[min(number, len(each) - 1)] for each in grasps]
-            arms, candidates = (tuple(each) for each in list(zip(*chosen, strict=True))[1:])
-            motion: Any = problem(arms, candidates, kept, *weights, tolerance, report)
-            found.append((solve(motion, throw=throw and not number), chosen))
-        paths, chosen = min(found, key=lambda each: _rank(each[0]))
-        arms_of = dict(zip(bodies, (each[0] for each in chosen), strict=True))
-        pairs, bodies = [arms_of.get(pair, pair) for pair in pairs], list(arms_of.values())
-        far = [unattained(pair, chosen[pair.body][2]) for pair in pairs]
-        _warn_out_of_reach(pairs, far)
-        transfers = [transfers_on(pair, paths, each) for pair, each in zip(pairs, far, strict=True)]
+        result, notes = plan.moved(bodies[0]) if movable else plan.constrained(pairs, problem)
     else:
-        if len(bodies) < len(pairs):
-            raise ValueError("the formulation 'geodesic' is of one hand; use 'constrained'")
-        free = [free_ends(pair) for pair in pairs]
-        far = [each[2] for each in free]
-        _warn_out_of_reach(pairs, far)
-        transfers = [
-            free_geodesics(pair, begin, ends, throw, report)
-            for pair, (begin, ends, _) in zip(pairs, free, strict=True)
-        ]
-    of_bodies = [transfers[pairs.index(pair)] for pair in bodies]
-    planned = _in_time(bodies, of_bodies, paths, clearance, throw, report)
-    retargeted = list[RetargetedArm]()
-    for each in zip(pairs, transfers, far, strict=True):
-        arm, first = RetargetedArm.retargeted(*each, planned, rate, placement), retargeted[-1:]
-        same = [other.first or other for other in first if other.body == arm.body]
-        retargeted.append(replace(arm, first=same[0]) if same else arm)
+        result, notes = plan.geodesic(pairs)
     report("done", len(pairs), len(pairs))
-    seconds = time.perf_counter() - begin
-    result = Retargeting(tuple(retargeted), planned, paths, clearance, rate, settings, seconds)
+    for note in notes:
+        warnings.warn(note, UserWarning, 3)
     warn_of_detours(result)
-    return result
+    return replace(result, seconds=time.perf_counter() - begin)
 
 
 _Grasp: TypeAlias = tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]
@@ -278,30 +246,134 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
     return found if costs[1] < _WORTH * costs[0] else found[:1]
 
 
-def _within_reach(
-    grasp: _Grasp, clearance: Clearance | None, report: Progress
-) -> tuple[PairedArm, BasePlacement] | None:
-    """Return the arm with its base moved to where more poses are within reach; None if all are, or
-    if no place is better.
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Plans motions of arms, each with sentences to warn of."""
 
-    Warns:
-        UserWarning: the base is moved.
-    """
-    pair, waypoints, layers = grasp
-    if pair.settings.position_weight == 0.0 or all(
-        attained(waypoints, layers, own_lacks(clearance, (waypoints,), 0))
-    ):
-        return None
-    report("placing the base", 0, 1)
-    found = place_within_reach(pair, clearance)
-    if found is not None:
-        warnings.warn(
-            f"{pair.name} is moved, as it does not attain all poses: {found[1]}. To keep it where "
-            "its alignment has it, pass that alignment (--mount fixed)",
-            UserWarning,
-            4,
+    clearance: Clearance | None
+    rate: float
+    tolerance: float
+    throw: bool
+    report: Progress
+
+    def moved(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
+        """Return the motion of one robot, from another place if more poses are attained there, or
+        if it is slow and quicker there.
+        """
+        grasps, placed = _grasps(pair, self.tolerance), None
+        _, waypoints, layers = grasps[0]
+        if not all(attained(waypoints, layers, own_lacks(self.clearance, (waypoints,), 0))):
+            placed = self._placed(pair)
+            if placed[1].gains:
+                return self._at(*placed)
+        found = self.constrained(list(pair.of_hands), SynergyPaths, [grasps])
+        if _slowness(found[0]) <= 1.0:
+            return found
+        placed = placed or self._placed(pair)
+        if placed[1].cost >= placed[1].cost_before:
+            return found
+        other = replace(self, throw=False)._at(*placed)
+        return min(found, other, key=lambda each: _success(each[0]))
+
+    def _placed(self, pair: PairedArm) -> tuple[PairedArm, BasePlacement]:
+        self.report("placing the base", 0, 1)
+        return best_place(pair, self.clearance)
+
+    def _at(self, pair: PairedArm, placement: BasePlacement) -> tuple[Retargeting, list[str]]:
+        """Return the motion from another place."""
+        result, notes = self.constrained(list(pair.of_hands), SynergyPaths, None, placement)
+        note = (
+            f"{pair.name} is moved, as {placement.reason}: {placement}. To keep it where its "
+            "alignment has it, pass that alignment (--mount fixed)"
         )
-    return found
+        return result, [note, *notes]
+
+    def constrained(
+        self,
+        pairs: list[PairedArm],
+        problem: type[SynergyPaths],
+        grasps: list[list[_Grasp]] | None = None,
+        placement: BasePlacement | None = None,
+    ) -> tuple[Retargeting, list[str]]:
+        """Return the motion of all arms by one program."""
+        settings, clearance = pairs[0].settings, self.clearance
+        bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first
+        weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
+        kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
+        grasps = grasps or [_grasps(pair, self.tolerance) for pair in bodies]
+        found: list[tuple[PlannedPaths, list[_Grasp]]] = []
+        for number in range(max(map(len, grasps))):  # that of the person, and turned
+            chosen = [each[min(number, len(each) - 1)] for each in grasps]
+            arms, candidates = (tuple(each) for each in list(zip(*chosen, strict=True))[1:])
+            motion: Any = problem(arms, candidates, kept, *weights, self.tolerance, self.report)
+            found.append((solve(motion, throw=self.throw and not number), chosen))
+        paths, chosen = min(found, key=lambda each: _rank(each[0]))
+        arms_of = dict(zip(bodies, (each[0] for each in chosen), strict=True))
+        pairs, bodies = [arms_of.get(pair, pair) for pair in pairs], list(arms_of.values())
+        far = [unattained(pair, chosen[pair.body][2]) for pair in pairs]
+        transfers = [transfers_on(pair, paths, each) for pair, each in zip(pairs, far, strict=True)]
+        return self._in_time(pairs, bodies, far, transfers, paths, placement)
+
+    def geodesic(self, pairs: list[PairedArm]) -> tuple[Retargeting, list[str]]:
+        """Return the motion of all arms by free geodesics, one after the other."""
+        if len({pair.body for pair in pairs}) < len(pairs):
+            raise ValueError("the formulation 'geodesic' is of one hand; use 'constrained'")
+        free = [free_ends(pair) for pair in pairs]
+        transfers = [
+            free_geodesics(pair, begin, ends, self.throw, self.report)
+            for pair, (begin, ends, _) in zip(pairs, free, strict=True)
+        ]
+        return self._in_time(pairs, pairs, [each[2] for each in free], transfers)
+
+    def _in_time(
+        self,
+        pairs: list[PairedArm],
+        bodies: list[PairedArm],
+        far: list[PoseErrors],
+        transfers: list[list[Transfer]],
+        paths: PlannedPaths | None = None,
+        placement: BasePlacement | None = None,
+    ) -> tuple[Retargeting, list[str]]:
+        """Return the motion along paths; without distances if it cannot keep them."""
+        settings, notes = pairs[0].settings, _out_of_reach(pairs, far)
+        arms = [_along_paths(pair, transfers[pairs.index(pair)], notes) for pair in bodies]
+        plan = partial(
+            plan_trajectory,
+            arms,
+            rest=settings.rest,
+            deviation_weight=settings.deviation_weight,
+            progress=self.report,
+        )
+        planned = None
+        if self.clearance is not None and paths is not None:
+            kept = of_trajectory(self.clearance, paths.least_distances, paths.kept)
+            planned = plan(clearances=[kept], throw=False)
+            if not planned.success:
+                notes.append(
+                    f"the trajectory does not keep the distances of the paths: {planned.status}"
+                )
+        if planned is None or not planned.success:
+            planned = plan(throw=self.throw)
+        retargeted = list[RetargetedArm]()
+        for each in zip(pairs, transfers, far, strict=True):
+            made = RetargetedArm.retargeted(*each, planned, self.rate, placement)
+            same = [other.first or other for other in retargeted[-1:] if other.body == made.body]
+            retargeted.append(replace(made, first=same[0]) if same else made)
+        given = tuple(retargeted), planned, paths, self.clearance, self.rate, settings, 0.0
+        return Retargeting(*given), notes
+
+
+def _slowness(result: Retargeting) -> float:
+    """Return how much slower than the person it is, above 1 if too slow."""
+    planned = result.planned
+    slowest = np.max(np.diff(planned.robot_edges) / np.diff(planned.edges))
+    return float(max(planned.stretch / _SLOW, slowest / _SLOWEST))
+
+
+def _success(result: Retargeting) -> tuple[bool, int, float]:
+    """Return whether it failed, how many poses it misses, and how slow it is."""
+    missed = sum(len(arm.missed) for arm in result.arms)
+    return not result.success, missed, _slowness(result)
 
 
 def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:
@@ -310,60 +382,22 @@ def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:
     return not paths.success, missed, paths.action
 
 
-def _in_time(
-    pairs: Sequence[PairedArm],
-    transfers: Sequence[Sequence[Transfer]],
-    paths: PlannedPaths | None,
-    clearance: Clearance | None,
-    throw: bool,
-    report: Progress,
-) -> PlannedTrajectory:
-    """Return the trajectory along the paths; without distances if it cannot keep them.
-
-    Warns:
-        UserWarning: it does not keep them.
-    """
-    settings = pairs[0].settings
-    arms = [_along_paths(*each) for each in zip(pairs, transfers, strict=True)]
-    plan = partial(
-        plan_trajectory,
-        arms,
-        rest=settings.rest,
-        deviation_weight=settings.deviation_weight,
-        progress=report,
-    )
-    if clearance is not None and paths is not None:
-        kept = of_trajectory(clearance, paths.least_distances, paths.kept)
-        planned = plan(clearances=[kept], throw=False)
-        if planned.success:
-            return planned
-        warnings.warn(
-            f"the trajectory does not keep the distances of the paths: {planned.status}",
-            UserWarning,
-            4,
-        )
-    return plan(throw=throw)
-
-
-def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
+def _along_paths(pair: PairedArm, transfers: Sequence[Transfer], notes: list[str]) -> ArmPaths:
     """Return the paths from which the trajectory is planned.
 
-    Warns:
-        UserWarning: a joint is too weak to hold the arm somewhere on its paths, in any time. Its
-            torque is not limited.
+    The torque of a joint that is too weak to hold the arm somewhere on its paths, in any time, is
+    not limited; a sentence that says so is added to the notes.
     """
     robot, share = pair.bounded, pair.settings.torque_share
-    paths, still = [transfer.path for transfer in transfers], np.zeros(robot.dof)
+    paths = [transfer.path for transfer in transfers]
     nodes = np.vstack([path.nodes for path in paths])
-    held = np.abs([robot.inverse_dynamics(q, still, still, pair.gravity) for q in nodes])
+    held = np.abs(robot.inverse_dynamics(nodes, 0.0 * nodes, 0.0 * nodes, pair.gravity))
     limit, needed = pair.limits.torque, held.max(axis=0)
     for joint in np.flatnonzero(needed > limit):
-        warnings.warn(
+        notes.append(
             f"{robot.name} is too weak: to hold its arm {robot.joint_names[joint]} needs "
             f"{needed[joint]:.3g} of {limit[joint]:.3g} "
-            f"{'N m' if robot.units[joint] == 'rad' else 'N'}; the motion uses more",
-            UserWarning,
-            5,
+            f"{'N m' if robot.units[joint] == 'rad' else 'N'}; the motion uses more"
         )
     torque = np.maximum(share * limit, np.minimum(limit, _MOVING * needed))
     torque = np.where(needed > limit, np.inf, torque)
@@ -371,7 +405,8 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
     return ArmPaths(robot, limits, pair.edges, paths, pair.gravity, pair.progress)
 
 
-def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) -> None:
+def _out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) -> list[str]:
+    """Return a sentence on poses out of reach, if there are any."""
     lines, advice = [], []
     for pair, poses in zip(pairs, far, strict=True):
         missed = {number: error for number, error in poses.items() if pair.is_missed(error)}
@@ -380,13 +415,10 @@ def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) ->
             lines.append(f"{which} of {pair.name}: {distance:.3g} m and {angle:.3g} rad")
         if missed:
             advice.append(_mounting_advice(pair))
-    if lines:
-        warnings.warn(
-            f"out of reach, by the nearest pose found: {'; '.join(lines)}. "
-            f"{' '.join(filter(None, advice))}".rstrip(),
-            UserWarning,
-            3,
-        )
+    if not lines:
+        return []
+    said = f"out of reach, by the nearest pose found: {'; '.join(lines)}. "
+    return [f"{said}{' '.join(filter(None, advice))}".rstrip()]
 
 
 def _mounting_advice(pair: PairedArm) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -106,6 +106,7 @@ def _waypoint_terms(
 
 
 _PEAK, _BRAKING = 1.5, 5.0
+_ROOM = 2e-3  # [rad or m] that nodes keep from the limits, for what lies between them
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,6 +132,7 @@ class ArmWaypoints(ShortRepr):
         path_tolerance: see `RetargetingSettings`.
         others: alignments of the other hands of a body, in the order of its hands, of which
             `alignment` is that of the first.
+        room: by how much [rad or m] paths may leave the limits of `arm` between their nodes.
         turns: rotations of the person's thorax from upright at the waypoints (m + 1, 3, 3), in axes
             of the base; None: not known.
     """
@@ -150,6 +152,7 @@ class ArmWaypoints(ShortRepr):
     path_tolerance: tuple[float, float] = (np.inf, np.inf)
     others: tuple[Alignment, ...] = ()
     turns: Array | None = None
+    room: float = 0.0
     _shown = ("arm", "limited", "count")
 
     @property
@@ -193,6 +196,18 @@ class ArmWaypoints(ShortRepr):
         return np.asarray(((distances <= bound[0]) & (angles <= bound[1])).all(axis=1))
 
     @property
+    def path_limits(self) -> tuple[Array, Array]:
+        """Limits of the joints along the paths (n,)."""
+        lower, upper = self.arm.lower, self.arm.upper
+        room = np.minimum(self.room, (upper - lower) / 2.0)
+        return lower - room, upper + room
+
+    @cached_property
+    def halfway(self) -> tuple[Pose, ...]:
+        """Poses of the person's hands halfway through the m movements."""
+        return self.target_at(np.arange(0.5, self.count))
+
+    @property
     def row_weights(self) -> Array:
         """Weights of those rows."""
         return np.asarray(np.repeat(self.weights, 3)[np.array(self.rows) % 6])
@@ -204,25 +219,28 @@ class ArmWaypoints(ShortRepr):
         alignments = (self.alignment, *self.others)
         return _waypoint_terms(self.arm, self.hands, alignments, self.rows, torque)
 
-    def parameters(self, number: int, missed: float, weights: ObjectiveWeights) -> Array:
-        """Return the parameters of `terms` at a waypoint, whose costs are means over all waypoints.
+    def parameters(self, number: int, missed: Array, weights: ObjectiveWeights) -> Array:
+        """Return parameters (k, .) of `terms` at a waypoint, whose costs are means over all
+        waypoints.
 
         Args:
             number: number of the waypoint.
-            missed: weight of the squared pose error; zero for a pose within reach.
+            missed: weights (k,) of the squared pose error; zero for a pose within reach.
             weights: weights of the objective.
         """
         pose, count = self.poses[number], len(self.hands)
-        missed_rows = np.zeros(6 * count)
-        missed_rows[list(self.rows)] = missed * (self.count + 1) * self.row_weights**2
         offset, likeness = np.zeros(3 * count), 0.0
         if self.offsets is not None:
             offset, likeness = self.offsets[number], weights.likeness
         turn, as_turned = np.eye(3), 0.0
         if self.turns is not None:
             turn, as_turned = self.turns[number], weights.likeness
-        parts = (pose.numbers, missed_rows, offset, turn.ravel(order="F"))
-        return np.concatenate([*parts, [weights.posture, likeness, as_turned]])
+        parts = (pose.numbers, np.zeros(6 * count), offset, turn.ravel(order="F"))
+        values = np.concatenate([*parts, [weights.posture, likeness, as_turned]])
+        found = np.tile(values, (len(missed), 1))
+        rows = pose.numbers.size + np.array(self.rows)
+        found[:, rows] = missed[:, None] * (self.count + 1) * self.row_weights**2
+        return found
 
 
 def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
@@ -233,6 +251,7 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         tolerance: tolerance of the paths' conditions.
     """
     settings, mappings, motion = pair.settings, pair.mappings, pair.analysis.motion
+    room = max(_ROOM - 2.0 * tolerance, 0.0)
     moving = [group for group in pair.groups if group.kind != "rest"]
     samples = pair.key_samples
     begins = motion.time[[group.start for group in moving]]
@@ -253,8 +272,9 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
     within = settings.within_limits
     allowed = (np.min([each.allowed_miss(sample) for each in hands], axis=0) for sample in samples)
     return ArmWaypoints(
-        arm=with_narrowed_limits(pair.robot, tolerance) if within else pair.robot,
+        arm=with_narrowed_limits(pair.robot, 2.0 * tolerance + room) if within else pair.robot,
         limited=within,
+        room=room,
         alignment=mappings[0].target,
         begins=begins,
         ends=ends,
