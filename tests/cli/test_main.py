@@ -54,6 +54,7 @@ def test_analyse_prints_a_table_and_writes_files(
     assert (out / "synergies.json").is_file()
 
 
+@pytest.mark.slow
 def test_height_mass_and_threshold_are_options(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -71,6 +72,7 @@ def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_metric_and_joint_inertia_are_options(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,6 +97,7 @@ def test_metric_and_joint_inertia_are_options(
         } <= geodesics
 
 
+@pytest.mark.slow
 def test_a_fitted_metric_is_read_from_its_file(
     short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

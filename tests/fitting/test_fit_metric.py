@@ -241,6 +241,7 @@ PLANAR = """
 """
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_least_errors(noisy_fit: go.fitting.MetricFit) -> None:
     """By solving again with the parameter fixed nearby."""
     program, outcome = noisy_fit.program, noisy_fit.outcome

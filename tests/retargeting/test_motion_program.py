@@ -346,6 +346,7 @@ def test_a_small_error_may_save_a_detour() -> None:
     assert not near.within_reach
 
 
+@pytest.mark.slow
 def test_a_subclass_adds_constraints_and_costs(
     waypoints: ArmWaypoints, found: PlannedPaths, arm: go.Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:

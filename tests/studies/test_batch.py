@@ -49,6 +49,7 @@ def files_of(out: Path) -> dict[str, tuple[int, int]]:
     }
 
 
+@pytest.mark.slow
 def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None:
     """In processes, as in this one."""
     settings = AnalysisSettings(threshold=0.4)

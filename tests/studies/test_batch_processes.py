@@ -49,10 +49,7 @@ def by_name(outcomes: Iterator[RecordingOutcome]) -> dict[str, RecordingOutcome]
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "words"),
-    [
-        (signal.SIGKILL, "was killed (SIGKILL"),
-        pytest.param(0, "ended with exit code 7", marks=pytest.mark.slow),
-    ],
+    [(signal.SIGKILL, "was killed (SIGKILL"), (0, "ended with exit code 7")],
 )
 def test_a_process_that_dies_twice_is_named_with_its_recording(
     folder: Path, number: int, words: str
@@ -88,21 +85,6 @@ def test_a_recording_that_takes_too_long_is_left_out(folder: Path) -> None:
     assert (endless.kind, endless.text) == ("process", "took longer than the time limit")
     assert {each.kind for each in found.values()} == {"file"}
     assert len(found) == 3
-
-
-def test_processes_are_renewed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five recordings through one process, which is renewed after every second."""
-    pools = []
-
-    class InThread(ThreadPoolExecutor):
-        def __init__(self, jobs: int, **_: Any) -> None:
-            pools.append(jobs)
-            super().__init__(jobs)
-
-    monkeypatch.setattr(processes, "_RENEWAL", 2)
-    monkeypatch.setattr(processes, "ProcessPoolExecutor", InThread)
-    assert len(by_name(in_processes(iter(tasks(folder, 5)), 1))) == 5
-    assert pools == [1, 1, 1]
 
 
 @pytest.mark.slow

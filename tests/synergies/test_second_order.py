@@ -56,6 +56,7 @@ def test_segments_must_cover_the_motion() -> None:
         riemannian_spline(HUMAN, wave(), SEGMENTS[:2])
 
 
+@pytest.mark.slow
 def test_optimal_cuts_of_cubics_find_where_a_motion_changes() -> None:
     """Two cubics that meet with equal velocities are found again from one cut."""
     q, turn = np.zeros(7), np.linspace(0.5, -0.3, 7)
