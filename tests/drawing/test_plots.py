@@ -6,6 +6,7 @@ import re
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 
 from geodesic_ocp.drawing.plots import draw_plot
 from geodesic_ocp.drawing.scene import SECONDS, Curve, Plot, Span
@@ -92,6 +93,7 @@ def test_a_plot_is_small_and_always_the_same() -> None:
     assert len(first[0]) < 25_000
 
 
+@pytest.mark.slow
 def test_unknown_values_and_a_still_time_are_drawn() -> None:
     values = np.where(TIME < 1.0, np.nan, TIME)
     drawn(Curve("c", TIME, values, "observed"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html.parser
 import re
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,12 @@ from small_retargeting import both_arms, small_retargeting
 
 import geodesic_ocp as go
 
-pytest.importorskip("meshcat", reason="needs the extra viewer")
 EVIL = '<script>alert("1")</script>'
 
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(find_spec("meshcat") is None, reason="needs the extra viewer"),
+]
 
 
 class Elements(html.parser.HTMLParser):

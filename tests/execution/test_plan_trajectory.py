@@ -203,6 +203,7 @@ def test_torques_are_limited_with_gravity_and_payload() -> None:
     assert found.usage[0].torque.max() >= 0.98
 
 
+@pytest.mark.slow
 def test_rates_of_torques_are_limited(zigzag: PlannedTrajectory) -> None:
     (free,) = zigzag.arms
 

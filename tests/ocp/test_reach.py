@@ -17,10 +17,13 @@ START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 GOAL = np.array([1.1, -0.2, -0.9, 1.4, -0.3, 0.1, 0.4])
 
 
-@pytest.mark.parametrize("given", [
+@pytest.mark.parametrize(
+    "given",
+    [
         ("position", "rotation"),
         *(pytest.param((one,), marks=pytest.mark.slow) for one in ("position", "rotation")),
-    ])
+    ],
+)
 def test_pose_is_reached_by_a_path_of_least_energy(arm: go.Model, given: tuple[str, ...]) -> None:
     """The final momentum is orthogonal to the configurations with that pose (transversality)."""
     pose = dict(zip(("rotation", "position"), arm.hand_pose(GOAL), strict=True))

@@ -101,6 +101,7 @@ def test_a_robot_is_moved_if_poses_are_out_of_reach(robot: go.Model) -> None:
     assert arm.mapping.scale == SCALE  # as asked for
 
 
+@pytest.mark.slow
 def test_a_scale_to_fit_is_the_largest_that_does(robot: go.Model) -> None:
     aligned = go.retargeting.align(robot)
     long = replace(aligned, length=1.3 * aligned.length)  # poses are farther than the arm is long

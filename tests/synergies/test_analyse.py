@@ -267,6 +267,7 @@ def test_the_default_metric_has_joint_inertia(planar: tuple[go.Model, go.Motion]
     assert go.analyse(arm, motion, metric=given).segments == own.segments
 
 
+@pytest.mark.slow
 def test_kinetic_is_without_joint_inertia_also_for_a_model_with_some(
     planar: tuple[go.Model, go.Motion],
 ) -> None:

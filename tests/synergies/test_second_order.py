@@ -109,6 +109,7 @@ def test_motions_of_least_effort_are_predicted_when_asked_for() -> None:
     assert np.abs(torque.q - cubics.q).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_knots_of_a_spline_are_found_again() -> None:
     points = np.array([[0.0, 1.0], [0.8, 0.2], [-0.5, 0.6], [0.4, 0.0]])
     original = go.spline(go.Euclidean(2), [0.0, 0.3, 0.6, 1.0], points, v0=[1.0, 0.0], v1=[0, 1])
