@@ -26,7 +26,6 @@ from geodesic_ocp.trajectory.path import Path
 LINE = Grid(1, 4)
 DOWN = np.array([0.0, -9.81, 0.0])  # in the plane of the arm
 KEPT = 1.0 + 1e-6  # of the limits
-NONE = np.zeros(0, dtype=np.int64)
 
 
 def two_links() -> Model:

@@ -63,14 +63,6 @@ def test_christoffel_symbols(metric: go.Metric, rng: np.random.Generator) -> Non
         assert gamma[:, :, k] + gamma[:, :, k].T == pytest.approx(slope, abs=1e-8)
 
 
-def test_christoffel_symbols_of_the_sphere() -> None:
-    t = 0.7
-    expected = np.zeros((2, 2, 2))
-    expected[0, 1, 1] = -np.sin(t) * np.cos(t)
-    expected[1, 0, 1] = expected[1, 1, 0] = np.sin(t) * np.cos(t)
-    assert Sphere().christoffel([t, 0.3]) == pytest.approx(expected, abs=1e-15)
-
-
 @pytest.mark.parametrize("metric", ALL, ids=lambda metric: type(metric).__name__)
 def test_symbolic_equals_numeric(metric: go.Metric, rng: np.random.Generator) -> None:
     q, u, v = point(metric, rng), *rng.normal(size=(2, metric.dim))

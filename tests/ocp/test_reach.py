@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,19 +60,6 @@ def test_joint_limits_hold_if_requested(arm: go.Model) -> None:
     assert np.all(within.path(s) > arm.lower - 2e-5)
     assert np.all(within.path(s) < arm.upper + 2e-5)
     assert within.path.length > free.path.length
-
-
-@pytest.mark.slow
-def test_reaches_with_other_start_and_target_share_the_nlp(arm: go.Model) -> None:
-    position = arm.hand_pose(GOAL)[1]
-    first = go.Reach(arm, START, position=position)
-    second = replace(first, start=START + 0.1, position=np.add(position, [0.0, 0.0, 0.05]))
-    grid = go.Grid(8, 4)
-    assert second.nlp(grid).transcription is first.nlp(grid).transcription
-    other = go.Reach(arm, START, position=position, limits=False)
-    assert other.nlp(grid).transcription is not first.nlp(grid).transcription
-    reached = arm.hand_pose(go.solve(second).path(1.0))[1]
-    assert_allclose(reached, second.position, rtol=0, atol=1e-8)
 
 
 @pytest.mark.slow
