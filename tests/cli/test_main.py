@@ -544,26 +544,6 @@ def test_robots_without_an_alignment_are_named(
 
 @needs_robots
 @pytest.mark.slow
-def test_retarget_with_free_geodesics(short_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["retarget", str(short_file), "--side", "left", "--robot", "panda", "--no-limits"]
-    text = printed([*command, "--position-only", "--formulation", "geodesic"], capsys)
-    assert "human left arm (mirrored) on panda" in text
-    assert "inverse kinematics" in text
-    assert "wrote" not in text
-    assert "it takes the person's time" in text
-
-
-@needs_robots
-@pytest.mark.slow
-def test_demo_on_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["demo", "--robot", "panda", "--no-limits", "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "figure.png").is_file()
-    assert (tmp_path / "panda" / "report.html").is_file()
-    assert re.search(r"\d+ synergies become \d+", capsys.readouterr().out)
-
-
-@needs_robots
-@pytest.mark.slow
 def test_both_arms_of_a_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arguments = ["retarget", str(file), "--side", "both", "--threshold", "1.5", "--no-limits"]

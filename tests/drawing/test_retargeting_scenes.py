@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from small_retargeting import both_arms, both_arms_of_talos, small_analysis, small_retargeting
+from small_retargeting import both_arms, small_analysis, small_retargeting
 
 import geodesic_ocp as go
 from geodesic_ocp.drawing.actors import Actor
@@ -19,8 +19,6 @@ from geodesic_ocp.drawing.retargeting_scenes import (
     retargeting_playback,
 )
 from geodesic_ocp.drawing.scene import Playback, Scene, Trail
-from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.meshes import meshes
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 EXACT = 1e-12  # [m], rounding
@@ -239,22 +237,6 @@ def test_both_arms_are_those_of_one_person() -> None:
     assert list(playback.spans) == ["right arm", "left arm", "human right arm", "human left arm"]
     assert len(robots.actors) == 4
     assert len({plot.title for plot in playback.plots}) >= 2
-
-
-@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs robots: make robots")
-def test_two_arms_of_a_robot_have_one_body() -> None:
-    """Of which each link is drawn once, by the arm that moves it."""
-    found = both_arms_of_talos()
-    (_, scene) = retargeting_playback(found).scenes
-    drawn = [{mesh.link for mesh in each.meshes} for each in scene.actors if each.layer != BASELINE]
-    assert not drawn[0] & drawn[1]
-    robots = [arm.robot for arm in found.arms]
-    assert drawn[0] | drawn[1] == {mesh.link for mesh in meshes(robots[0])}
-    for robot, other, links in zip(robots, robots[::-1], drawn, strict=True):
-        assert {link for link in links if robot.moves(link)}
-        assert not {link for link in links if other.moves(link) and not robot.moves(link)}
-    right, left = (trail(scene, f"robot's hand, {robot.name}").points for robot in robots)
-    assert right[:, 0].mean() > 0.0 > left[:, 0].mean()
 
 
 def test_postures_of_an_alignment_correspond() -> None:

@@ -47,20 +47,19 @@ def by_name(outcomes: Iterator[RecordingOutcome]) -> dict[str, RecordingOutcome]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "words"),
-    [(signal.SIGKILL, "was killed (SIGKILL"), (0, "ended with exit code 7")],
-)
-def test_a_process_that_dies_twice_is_named_with_its_recording(
-    folder: Path, number: int, words: str
-) -> None:
+def test_processes_that_die_twice_are_named_with_their_recordings(folder: Path) -> None:
     given = tasks(folder, 7)
-    given[2] = task(folder, "deadly.csv", DeadlyPath(number))
+    given[2] = task(folder, "killed.csv", DeadlyPath(signal.SIGKILL))
+    given[4] = task(folder, "ended.csv", DeadlyPath(0))
     found = by_name(in_processes(iter(given), 2))
     assert set(found) == {each.source.file for each in given}
-    deadly = found.pop("deadly.csv")
-    assert deadly.kind == "process"
-    assert words in deadly.text
+    for name, words in (
+        ("killed.csv", "was killed (SIGKILL"),
+        ("ended.csv", "ended with exit code 7"),
+    ):
+        dead = found.pop(name)
+        assert dead.kind == "process"
+        assert words in dead.text
     assert {each.kind for each in found.values()} == {"file"}  # there is no such file
 
 

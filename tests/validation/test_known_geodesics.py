@@ -225,12 +225,6 @@ def test_run_check_prints_the_table(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("short_table")
-def test_run_check_adds_a_users_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_check(write_table(tmp_path, DIAGONAL), "built-in")
-    assert "2 known geodesics with built-in: all 8 checks passed" in capsys.readouterr().out
-
-
-@pytest.mark.usefixtures("short_table")
 def test_run_check_names_failures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nowhere = changed_entry(name="nowhere", metric={"kind": "euclidean", "dim": 3})
     assert not run_check(write_table(tmp_path, changed_entry(length=5.1), nowhere))
