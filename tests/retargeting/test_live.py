@@ -140,7 +140,8 @@ def test_another_rate_is_noticed_but_not_a_jitter() -> None:
         live.step(1.0 + 16.0 / 120.0)
 
 
-@pytest.mark.parametrize("repeated", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("repeated", [True, False])
 def test_robot_rests_while_the_stream_pauses_and_goes_on_after(repeated: bool) -> None:
     live, begin = new_live(), np.array([0.3, -0.3, 0.2, 1.2, 0.0, 0.0, 0.0])
     commands = [live.command]
