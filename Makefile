@@ -27,8 +27,7 @@ lint: $(READY)  ## style and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-docs: $(READY)  ## the documentation site, into docs/_build/html; warnings and dead links are errors
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+docs: $(VENV)/.docs  ## the documentation site, into docs/_build/html; warnings and dead links are errors
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
 
@@ -43,8 +42,7 @@ notebooks: $(READY)  ## execute the notebooks, keeping their output
 bench: $(READY)  ## speed and accuracy next to other solvers, into benchmarks/results/; ARGS=--quick
 	$(BIN)/python benchmarks/run.py $(ARGS)
 
-robots: $(READY)  ## descriptions of robots, 190 MB, for load_model and its tests
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[robots]'
+robots: $(VENV)/.robots  ## descriptions of robots, 190 MB, for load_model and its tests
 
 browser:  ## a Chromium from the system's packages, in which the viewer's pages are tested
 	@for name in "$$GEODESIC_OCP_CHROMIUM" chromium chromium-browser google-chrome; do \
@@ -69,4 +67,8 @@ $(READY): pyproject.toml
 	@echo "creating $(VENV) with all dependencies (once, about a minute)"
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --disable-pip-version-check --editable '.[dev]' | $(FETCHED)
+	@touch $@
+
+$(VENV)/.docs $(VENV)/.robots: $(VENV)/.%: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
 	@touch $@

@@ -51,13 +51,3 @@ def both_arms() -> go.retargeting.Retargeting:
     robots = [go.human_arm(side, 1.95) for side in ("right", "left")]
     settings = go.RetargetingSettings(merge=0.4, drop=0.3, speed_limits=False)
     return go.retargeting.retarget_arms(both_analyses(), robots, tolerance=1e-4, settings=settings)
-
-
-@cache
-def both_arms_of_talos() -> go.retargeting.Retargeting:
-    """Both arms of a person on those of a humanoid robot."""
-    robots = [go.load_model(f"talos-{side}-arm") for side in ("right", "left")]
-    settings = go.RetargetingSettings(
-        merge=0.6, drop=0.4, limits=False, self_collision=False, orientation_weight=0.0, rest=False
-    )
-    return go.retargeting.retarget_arms(both_analyses(), robots, tolerance=1e-3, settings=settings)

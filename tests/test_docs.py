@@ -130,12 +130,12 @@ def test_every_public_function_describes_its_arguments_and_has_an_example(name: 
 def test_commands_have_these_options() -> None:
     """Every command line in the documentation is one that the parser accepts."""
     app = new_app()
-    commands = [
+    commands = {
         command
         for page in PAGES
         for block in re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
         for command in _COMMAND.findall(block)
-    ]
+    }
     assert len(commands) > 5
     for command in commands:
         with contextlib.suppress(ValueError):  # the files of the examples are not there

@@ -86,14 +86,12 @@ def test_retarget_names_options_that_do_not_fit(
     assert "none.json: there is no such file" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "reasons"),
     [
         (["--payload", "15"], ["not for a robot", "is too weak to hold its arm", "its limit 80"]),
-        pytest.param(
-            *(["--scale", "2.5"], ["poses missed by more", "its pose, which is out of reach"]),
-            marks=pytest.mark.slow,
-        ),
+        (["--scale", "2.5"], ["poses missed by more", "its pose, which is out of reach"]),
     ],
 )
 def test_the_exit_code_is_1_without_success(

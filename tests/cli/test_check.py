@@ -27,12 +27,6 @@ def short_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(validation, "BUNDLED", file)
 
 
-@pytest.mark.slow
-def test_bundled_table_passes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["check"]) == 0
-    assert "checks passed; nearest to its tolerance is" in capsys.readouterr().out
-
-
 @pytest.mark.usefixtures("short_table")
 def test_correct_table_ends_with_code_0(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["check", "--backend", "built-in"]) == 0

@@ -55,6 +55,7 @@ def test_fit_writes_a_metric_that_analyse_takes(
     assert "joint inertia" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_groups_of_joints_and_wrong_parameters(
     files: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -54,6 +54,7 @@ def test_analyse_prints_a_table_and_writes_files(
     assert (out / "synergies.json").is_file()
 
 
+@pytest.mark.slow
 def test_height_mass_and_threshold_are_options(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -71,6 +72,7 @@ def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_metric_and_joint_inertia_are_options(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,6 +97,7 @@ def test_metric_and_joint_inertia_are_options(
         } <= geodesics
 
 
+@pytest.mark.slow
 def test_a_fitted_metric_is_read_from_its_file(
     short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -544,36 +547,6 @@ def test_robots_without_an_alignment_are_named(
     captured = capsys.readouterr()
     assert "hand must name a frame" in captured.err
     assert "synergies" not in captured.out  # before the recording is analysed
-
-
-@needs_robots
-@pytest.mark.slow
-def test_retarget_prints_a_table_and_writes_files(
-    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    arguments = ["retarget", str(short_file), "--side", "left", "--robot", "panda", "--report"]
-    assert cli.main([*arguments, "--out", str(out), "--position-only"]) == 0
-    text = capsys.readouterr().out
-    assert "human left arm (mirrored) on panda" in text
-    assert "geodesic synergies" in text
-    assert "inverse kinematics" in text
-    for name in ("report.html", "trajectory.json", "figure.png", "synergies.md"):
-        assert f"wrote {out / name}" in text
-        assert (out / name).stat().st_size > 0
-    assert cli.main([*arguments[:-1], "--no-limits", "--formulation", "geodesic"]) == 0
-    text = capsys.readouterr().out
-    assert "wrote" not in text
-    assert "it takes the person's time" in text
-
-
-@needs_robots
-@pytest.mark.slow
-def test_demo_on_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["demo", "--robot", "panda", "--no-limits", "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "figure.png").is_file()
-    assert (tmp_path / "panda" / "report.html").is_file()
-    assert re.search(r"\d+ synergies become \d+", capsys.readouterr().out)
 
 
 @needs_robots

@@ -186,6 +186,7 @@ def test_synergies_of_an_unknown_person(
     assert "assumed" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_saved_motions_need_no_metric(analysed: Path) -> None:
     """A geodesic has a constant speed in its metric, whatever that is."""
     saved = read_saved_synergies(analysed / "synergies.json")
@@ -197,6 +198,7 @@ def test_saved_motions_need_no_metric(analysed: Path) -> None:
     assert saved.model == "human left arm"
 
 
+@pytest.mark.slow
 def test_damaged_synergies_are_named(analysed: Path, tmp_path: Path) -> None:
     good = (analysed / "synergies.json").read_text()
     file = tmp_path / "bad.json"
@@ -336,6 +338,7 @@ def test_several_files_are_side_by_side(show: Show, bundled_file: Path, robot_fi
     assert playback.title == "Two"
 
 
+@pytest.mark.slow
 def test_what_cannot_be_seen_is_named(
     refused: Refused, analysed: Path, tmp_path: Path, shared: Path
 ) -> None:

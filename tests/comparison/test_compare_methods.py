@@ -167,6 +167,7 @@ def test_one_recording_needs_no_list(recordings: list[go.recordings.Recording]) 
     assert alone.recordings == listed.recordings
 
 
+@pytest.mark.slow
 def test_default_metrics(recordings: list[go.recordings.Recording], arm: go.Model) -> None:
     """The control of the distal joints is known of human arms alone."""
     of_rods = go.studies.compare_methods(recordings[:1])
@@ -228,6 +229,7 @@ def test_bad_arguments_are_named(
 EFFORTS = ("least torque", "least torque change", "least work", "least work and acceleration")
 
 
+@pytest.mark.slow
 def test_motions_of_least_effort_are_computed_on_request(
     comparison: go.studies.MethodComparison, recordings: list[go.recordings.Recording]
 ) -> None:

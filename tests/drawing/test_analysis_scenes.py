@@ -198,6 +198,7 @@ def test_the_person_is_among_the_markers(fit: MarkerFit, walker: Markers) -> Non
     np.testing.assert_allclose(largest.values, 1000.0 * np.nanmax(fit.errors, axis=1))
 
 
+@pytest.mark.slow
 def test_markers_of_another_time_are_refused(fit: MarkerFit, walker: Markers) -> None:
     later = Markers(walker.time + 0.5, walker.names, walker.positions)
     with pytest.raises(ValueError, match="were not recorded at the times of the fit"):

@@ -215,6 +215,7 @@ def test_a_document_refers_to_nothing_outside_and_says_so() -> None:
     assert policies[0].startswith("default-src 'none'")
 
 
+@pytest.mark.slow
 def test_several_fragments_share_one_library() -> None:
     one = fragment(everything())
     alone, twice = document("t", one), document("t", f"{one}<p>between</p>{one}")

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from small_retargeting import both_arms, both_arms_of_talos, small_analysis, small_retargeting
+from small_retargeting import both_arms, small_analysis, small_retargeting
 
 import geodesic_ocp as go
 from geodesic_ocp.drawing.actors import Actor
@@ -19,11 +19,10 @@ from geodesic_ocp.drawing.retargeting_scenes import (
     retargeting_playback,
 )
 from geodesic_ocp.drawing.scene import Playback, Scene, Trail
-from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.meshes import meshes
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 EXACT = 1e-12  # [m], rounding
+pytestmark = pytest.mark.slow  # of a whole retargeting
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +45,6 @@ def actor(scene: Scene, name: str) -> Actor:
     return one
 
 
-@pytest.mark.slow
 def test_the_robots_shoulder_is_where_the_persons_is(
     found: go.retargeting.Retargeting, playback: Playback
 ) -> None:
@@ -59,7 +57,6 @@ def test_the_robots_shoulder_is_where_the_persons_is(
     assert_allclose(mapped, arm.mapping.scale * own * MIRROR, rtol=0.0, atol=EXACT)
 
 
-@pytest.mark.slow
 def test_colours_are_those_of_the_figure(playback: Playback) -> None:
     person, robot = playback.scenes
     assert trail(person, "hand").role == "observed"
@@ -136,7 +133,6 @@ def test_spans_are_the_synergies(found: go.retargeting.Retargeting, playback: Pl
             assert span.text.endswith(f"person's {first if first == last else f'{first}-{last}'}")
 
 
-@pytest.mark.slow
 def test_several_robots_share_the_person(found: go.retargeting.Retargeting) -> None:
     """Whose time is the recording's, if the robots take different times."""
     slow = small_retargeting(0.8, "slow")
@@ -156,7 +152,6 @@ def test_several_robots_share_the_person(found: go.retargeting.Retargeting) -> N
     assert same.scenes[0].time[-1] == pytest.approx(same.scenes[1].time[-1])
 
 
-@pytest.mark.slow
 def test_a_slowed_person_is_said_to_be_and_keeps_the_durations_of_the_analysis() -> None:
     slow = small_retargeting(0.8, "slow")
     playback = retargeting_playback(slow)
@@ -171,7 +166,6 @@ def test_a_slowed_person_is_said_to_be_and_keeps_the_durations_of_the_analysis()
     assert playback.scenes[0].note.endswith("slowed to the robot's time")
 
 
-@pytest.mark.slow
 def test_a_person_in_the_time_of_the_recording_is_not_slowed(
     found: go.retargeting.Retargeting,
 ) -> None:
@@ -182,7 +176,6 @@ def test_a_person_in_the_time_of_the_recording_is_not_slowed(
         assert "slowed" not in shown.scenes[0].note
 
 
-@pytest.mark.slow
 def test_two_motions_of_one_robot_have_different_titles(found: go.retargeting.Retargeting) -> None:
     slow = small_retargeting(0.8)
     together = retargeting_playback(found, slow)
@@ -233,7 +226,6 @@ def test_mobility_ellipsoids_are_at_the_hand(
         assert_allclose(image, ratio * wanted, atol=0.02 * np.abs(image).max())
 
 
-@pytest.mark.slow
 def test_both_arms_are_those_of_one_person() -> None:
     found = both_arms()
     playback = retargeting_playback(found)
@@ -247,24 +239,6 @@ def test_both_arms_are_those_of_one_person() -> None:
     assert len({plot.title for plot in playback.plots}) >= 2
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs robots: make robots")
-def test_two_arms_of_a_robot_have_one_body() -> None:
-    """Of which each link is drawn once, by the arm that moves it."""
-    found = both_arms_of_talos()
-    (_, scene) = retargeting_playback(found).scenes
-    drawn = [{mesh.link for mesh in each.meshes} for each in scene.actors if each.layer != BASELINE]
-    assert not drawn[0] & drawn[1]
-    robots = [arm.robot for arm in found.arms]
-    assert drawn[0] | drawn[1] == {mesh.link for mesh in meshes(robots[0])}
-    for robot, other, links in zip(robots, robots[::-1], drawn, strict=True):
-        assert {link for link in links if robot.moves(link)}
-        assert not {link for link in links if other.moves(link) and not robot.moves(link)}
-    right, left = (trail(scene, f"robot's hand, {robot.name}").points for robot in robots)
-    assert right[:, 0].mean() > 0.0 > left[:, 0].mean()
-
-
-@pytest.mark.slow
 def test_postures_of_an_alignment_correspond() -> None:
     """A person's arm of another size attains every pose, and is the person's arm, scaled."""
     robot = go.human_arm("right", 1.5)

@@ -136,6 +136,7 @@ def test_the_speed_and_the_parameter_of_a_path_set_the_duration(tmp_path: Path) 
     assert sum(durations(slow)) == 5000  # 4 s, the frame at the end, and half a second
 
 
+@pytest.mark.slow
 def test_what_stands_still_is_seen_from_all_around(tmp_path: Path) -> None:
     file = save_video(standing(), tmp_path / "cube.webp", width=160, rate=2.0)
     frames = pictures(file)
@@ -308,6 +309,7 @@ def test_a_gif_whose_frames_are_all_alike_lasts_as_long(tmp_path: Path) -> None:
     assert all(np.abs(each.astype(int) - frame).max() < 5 for each in pictures(file))
 
 
+@pytest.mark.slow
 def test_the_paper_of_a_gif_is_white(tmp_path: Path) -> None:
     for frame in pictures(save_video(moving(), tmp_path / "cube.gif", width=160, rate=2.0)):
         assert np.all(frame[0] == 255)

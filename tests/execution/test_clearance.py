@@ -180,6 +180,7 @@ def test_rows_are_the_whole_function(arms: tuple[go.Model, go.Model]) -> None:
         clearance.row(len(clearance.names))
 
 
+@pytest.mark.slow
 def test_left_and_right_arm_are_symmetric(arms: tuple[go.Model, go.Model]) -> None:
     clearance = keep_clear(arms, placements=SHOULDERS)
     swapped = keep_clear(arms[::-1], placements=SHOULDERS[::-1])

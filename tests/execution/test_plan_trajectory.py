@@ -26,7 +26,6 @@ from geodesic_ocp.trajectory.path import Path
 LINE = Grid(1, 4)
 DOWN = np.array([0.0, -9.81, 0.0])  # in the plane of the arm
 KEPT = 1.0 + 1e-6  # of the limits
-NONE = np.zeros(0, dtype=np.int64)
 
 
 def two_links() -> Model:
@@ -203,6 +202,7 @@ def test_torques_are_limited_with_gravity_and_payload() -> None:
     assert found.usage[0].torque.max() >= 0.98
 
 
+@pytest.mark.slow
 def test_rates_of_torques_are_limited(zigzag: PlannedTrajectory) -> None:
     (free,) = zigzag.arms
 

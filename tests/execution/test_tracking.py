@@ -71,6 +71,7 @@ def test_hand_follows_poses_within_reach(arm: go.Model, limits: JointLimits) -> 
     assert_allclose(sampled.positions, found.positions, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_both_solvers_find_the_same_motion(arm: go.Model) -> None:
     """pink knows nothing of this package's Jacobian and least squares."""
     pytest.importorskip("pink")

@@ -69,6 +69,7 @@ class Mixture(go.MotionProblem):
         return self.share * energy + (1.0 - self.share) * super().cost(t, q, v, a, torque)
 
 
+@pytest.mark.slow
 def test_weights_of_a_motion_problem(planar: go.Model) -> None:
     metric = go.KineticEnergy(planar)
     rng = np.random.default_rng(4)

@@ -241,6 +241,7 @@ PLANAR = """
 """
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_least_errors(noisy_fit: go.fitting.MetricFit) -> None:
     """By solving again with the parameter fixed nearby."""
     program, outcome = noisy_fit.program, noisy_fit.outcome
@@ -306,6 +307,7 @@ def test_one_newton_step_bootstraps_several_parameters(noisy: list[Any]) -> None
     assert steps == pytest.approx([each.values["joint_inertia"] for each in exact], rel=0.01)
 
 
+@pytest.mark.slow
 def test_files(noisy_fit: go.fitting.MetricFit, arm: go.Model, tmp_path: Path) -> None:
     file = tmp_path / "metric.json"
     go.fitting.save_metric(file, noisy_fit)

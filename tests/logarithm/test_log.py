@@ -68,20 +68,6 @@ def test_exp_inverts_log(arm_metric: go.KineticEnergy, seed: int) -> None:
     assert np.abs(found - q1).max() <= 1e-9
 
 
-@FEW
-@given(seed=SEED, exponent=st.floats(-9.0, -1.0))
-def test_short_geodesics_keep_their_direction(
-    arm_metric: go.KineticEnergy, seed: int, exponent: float
-) -> None:
-    rng = np.random.default_rng(seed)
-    q0 = np.array([0.4, 0.1, -0.7, 1.1, 0.2, 0.0, -0.3])
-    step = 10.0**exponent * rng.uniform(-1.0, 1.0, 7)
-    v0 = go.log(arm_metric, q0, q0 + step)
-    # To first order the log is the difference, to second order Christoffel symbols enter.
-    size = np.abs(step).max()
-    assert np.abs(v0 - step).max() < 20.0 * size**2 + 1e-5 * size + 1e-14
-
-
 def test_human_arm_of_an_independent_implementation(
     known_geodesics: dict[str, Any], backend: str
 ) -> None:
@@ -109,26 +95,12 @@ def test_log_of_a_two_link_arm_is_a_known_geodesic(known_geodesics: dict[str, An
     assert metric.norm(known["q0"], shortest["v0"]) == pytest.approx(shortest["length"], abs=1e-5)
 
 
-def test_distance_of_a_tip_mass_is_that_of_its_straight_line() -> None:
-    arm = planar_arm((1.0, 0.8), (0.0, 2.0), (0.0, 0.8), (0.0, 0.0))
-    a, b = np.array([0.3, 0.9]), np.array([0.8, 1.6])
-    tips = arm.hand_pose(np.array([a, b]))[1]
-    straight = np.sqrt(2.0) * np.linalg.norm(tips[1] - tips[0])
-    assert go.distance(go.KineticEnergy(arm), a, b) == pytest.approx(straight, rel=1e-10)
-
-
 def test_scaling_masses_scales_length_by_its_root() -> None:
     q0, q1 = np.zeros(7) + 0.1, np.array([0.8, 0.2, -0.6, 1.0, 0.3, -0.1, 0.2])
     light, heavy = (go.KineticEnergy(go.human_arm("right", 1.75, m)) for m in (20.0, 80.0))
     ratio = go.distance(heavy, q0, q1) / go.distance(light, q0, q1)
     assert ratio == pytest.approx(2.0, rel=1e-9)
     assert go.log(heavy, q0, q1) == pytest.approx(go.log(light, q0, q1), abs=1e-8)
-
-
-def test_distance_is_symmetric(arm_metric: go.KineticEnergy) -> None:
-    q0, q1 = np.zeros(7) + 0.1, np.array([0.8, 0.2, -0.6, 1.0, 0.3, -0.1, 0.2])
-    there, back = go.distance(arm_metric, q0, q1), go.distance(arm_metric, q1, q0)
-    assert there == pytest.approx(back, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -200,7 +172,7 @@ def test_nearby_points(name: str, solver: str, rng: np.random.Generator) -> None
     """To second order the logarithm is d - q''(d) / 2, from coincident points to 1e-3 apart."""
     metric = METRICS[name]()
     (q0,), direction = points(metric, rng, 1), rng.normal(size=metric.dim)
-    for size in [0.0, *10.0 ** np.arange(-18.0, -2.0, 1.0 if solver == "newton" else 3.0)]:
+    for size in [0.0, *10.0 ** np.arange(-18.0, -2.0, 3.0 if solver == "newton" else 5.0)]:
         q1 = q0 + size * direction / np.abs(direction).max()
         d = q1 - q0
         expected = d - metric.acceleration(q0, d) / 2.0

@@ -52,18 +52,6 @@ def test_surfaces_of_constant_curvature(
         assert close(go.manifold.scalar_curvature(metric, q), 2.0 * curvature)
 
 
-def test_curvature_scales_with_the_inverse_squared_radius(rng: np.random.Generator) -> None:
-    class Globe(go.Metric):
-        dim = 2
-
-        def matrix(self, q: Any) -> Any:
-            return 25.0 * Sphere().matrix(q)
-
-    assert close(
-        go.manifold.sectional_curvature(Globe(), [1.0, 2.0], [1.0, 0.0], [0.0, 1.0]), 1.0 / 25.0
-    )
-
-
 def test_product_of_spheres(rng: np.random.Generator) -> None:
     metric = Product(Sphere(), Sphere())
     q = rng.uniform(0.3, 1.5, 4)

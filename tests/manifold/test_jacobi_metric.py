@@ -50,7 +50,15 @@ SYSTEMS = {
 }
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pendulum",
+        "double pendulum",
+        "projectile",
+        pytest.param("human arm", marks=pytest.mark.slow),
+    ],
+)
 def test_geodesics_are_paths_of_torque_free_motion(name: str) -> None:
     """dtau / dt = (E - V(t)) / (E - V(0)) for the parameter tau of constant speed."""
     model, q0, v0 = SYSTEMS[name]()

@@ -16,7 +16,6 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.ocp.problem import parse_conditions
 from geodesic_ocp.ocp.transcription import PathTerms, Transcription, Units
-from geodesic_ocp.ocp.violations import find_violations
 
 
 @dataclass(frozen=True)
@@ -271,9 +270,11 @@ def test_violated_conditions_are_named_with_value_and_s(arm: go.Model) -> None:
 
 
 def test_violations_between_the_nodes_are_found() -> None:
-    with pytest.raises(go.NotConverged, match=r"disc falls below 0\.5 by 0\.\d+ at s = 0\.\d+"):
+    message = r"disc falls below 0\.5 by 0\.\d+ at s = 0\.\d+"
+    with pytest.raises(go.NotConverged, match=message) as failure:
         go.solve(PlaneAroundDisc(), grid=go.Grid(4, 4))
-    coarse, fine = (go.solve(PlaneAroundDisc(), grid=go.Grid(k, 4), throw=False) for k in (4, 32))
+    coarse = failure.value.solution
+    fine = go.solve(PlaneAroundDisc(), grid=go.Grid(32, 4), throw=False)
     assert not coarse.stats.success
     with pytest.raises(go.NotConverged, match="not a solution: disc falls below"):
         coarse.to_motion(1.0)
@@ -285,19 +286,6 @@ def test_violations_between_the_nodes_are_found() -> None:
     s = np.linspace(0.0, 1.0, 2001)
     inside = 0.5 - np.linalg.norm(coarse.path(s), axis=1)
     assert coarse.stats.max_path_violation == pytest.approx(inside.max(), rel=0.1)
-
-
-@pytest.mark.slow
-def test_violated_joint_limits_are_named_by_the_joint(arm: go.Model) -> None:
-    """A geodesic, found without them, is checked against the problem's conditions."""
-    inside = ElbowBounded(arm)
-    terms = parse_conditions(inside)
-    path = go.geodesic(inside.metric, np.zeros(7), [1.4, 0.2, -0.6, 0.9, 0.0, 0.0, 0.0])
-    found = find_violations(terms, path)
-    elbow = next(each for each in found if each.name == "elbow")
-    assert str(elbow).startswith("joint REx_joint exceeds its upper limit 0.2 rad by ")
-    assert elbow.value == pytest.approx(path(elbow.s)[3])
-    assert elbow.amount >= path(np.linspace(0.0, 1.0, 101))[:, 3].max() - 0.2 - 1e-3
 
 
 @dataclass(frozen=True, eq=False)

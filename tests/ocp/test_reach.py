@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +16,13 @@ START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 GOAL = np.array([1.1, -0.2, -0.9, 1.4, -0.3, 0.1, 0.4])
 
 
-@pytest.mark.parametrize("given", [("position",), ("rotation",), ("position", "rotation")])
+@pytest.mark.parametrize(
+    "given",
+    [
+        ("position", "rotation"),
+        *(pytest.param((one,), marks=pytest.mark.slow) for one in ("position", "rotation")),
+    ],
+)
 def test_pose_is_reached_by_a_path_of_least_energy(arm: go.Model, given: tuple[str, ...]) -> None:
     """The final momentum is orthogonal to the configurations with that pose (transversality)."""
     pose = dict(zip(("rotation", "position"), arm.hand_pose(GOAL), strict=True))
@@ -55,19 +60,6 @@ def test_joint_limits_hold_if_requested(arm: go.Model) -> None:
     assert np.all(within.path(s) > arm.lower - 2e-5)
     assert np.all(within.path(s) < arm.upper + 2e-5)
     assert within.path.length > free.path.length
-
-
-@pytest.mark.slow
-def test_reaches_with_other_start_and_target_share_the_nlp(arm: go.Model) -> None:
-    position = arm.hand_pose(GOAL)[1]
-    first = go.Reach(arm, START, position=position)
-    second = replace(first, start=START + 0.1, position=np.add(position, [0.0, 0.0, 0.05]))
-    grid = go.Grid(8, 4)
-    assert second.nlp(grid).transcription is first.nlp(grid).transcription
-    other = go.Reach(arm, START, position=position, limits=False)
-    assert other.nlp(grid).transcription is not first.nlp(grid).transcription
-    reached = arm.hand_pose(go.solve(second).path(1.0))[1]
-    assert_allclose(reached, second.position, rtol=0, atol=1e-8)
 
 
 @pytest.mark.slow

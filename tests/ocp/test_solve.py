@@ -112,19 +112,6 @@ def test_free_ends_do_not_depend_on_rounding(shift: float) -> None:
     assert go.solve(Shifted()).stats.success
 
 
-def test_path_around_a_disc_has_the_exact_length() -> None:
-    """Refined grids approach two tangents and an arc; the smooth parts alone would be 2."""
-    problem = PlaneAroundDisc()
-    errors = []
-    for segments in (8, 16, 32):
-        solution = go.solve(problem, grid=go.Grid(segments, 4))
-        assert solution.stats.max_node_violation < 1e-8
-        errors.append(abs(solution.path.length - problem.exact_length))
-    assert errors[0] < 1e-2
-    assert errors[2] < 1e-3
-    assert np.all(solution.multipliers["disc"] <= 1e-9)  # it pushes outwards only
-
-
 def test_path_to_a_meridian_arrives_at_a_right_angle() -> None:
     """Transversality: v'G n = 0 along the free direction."""
     problem = SphereToMeridian()
@@ -171,19 +158,6 @@ def test_stats_describe_the_solution() -> None:
     assert stats.seconds > 0
     assert stats.energy == pytest.approx(solution.path.energy, rel=1e-6)
     assert problem.nlp(solution.path.grid).transcription.grid == go.Grid(1, 12)
-
-
-def test_grids_converge_spectrally() -> None:
-    """The energy's error falls by orders of magnitude with every few degrees, until rounding."""
-    a, b = np.array([1.0, 0.0]), np.array([1.4, 1.9])
-    exact = go.distance(Sphere(), a, b) ** 2 / 2
-    problem = go.PointToPoint(Sphere(), tuple(a), tuple(b))
-    errors = [
-        abs(go.solve(problem, grid=go.Grid(1, d)).stats.energy - exact) for d in (4, 8, 12, 16)
-    ]
-    assert errors[1] < 1e-2 * errors[0]
-    assert errors[2] < 1e-2 * errors[1]
-    assert errors[3] < 1e-11
 
 
 def test_order_of_convergence_is_twice_the_degree() -> None:
@@ -251,15 +225,6 @@ def test_start_outside_the_limits_is_reported_before_the_solve() -> None:
         ValueError, match=r"start: joint REx_joint is fixed at -0.9 .* 0 to 2.79253"
     ):
         go.solve(Outside())
-
-
-def test_warm_start_from_a_path_on_another_grid() -> None:
-    problem = go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.9))
-    coarse = go.solve(problem, grid=go.Grid(1, 12))
-    cold = go.solve(problem, grid=go.Grid(4, 6))
-    warm = go.solve(problem, grid=go.Grid(4, 6), guess=coarse.path)
-    assert warm.path.length == pytest.approx(cold.path.length, rel=1e-10)
-    assert warm.stats.iterations < cold.stats.iterations
 
 
 @pytest.mark.parametrize(

@@ -170,6 +170,7 @@ def test_of_several_formats_each_takes_what_applies_to_it(folder: Path, shared: 
         go.recordings.read_recordings(folder, up="upwards")
 
 
+@pytest.mark.slow
 def test_the_skeleton_of_a_file_can_be_given(tmp_path: Path, shared: Path) -> None:
     cmu = shared / "data" / "cmu"
     alone = tmp_path / "02_05.amc"

@@ -59,6 +59,7 @@ def test_command_keeps_all_limits_whatever_the_person_does() -> None:
     assert trajectory.states(middle)[2] == pytest.approx(between, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_hand_lags_by_the_stated_delay() -> None:
     live, hand = new_live(), []
     time = np.arange(0.0, 3.0, STEP)
@@ -77,6 +78,7 @@ def test_hand_lags_by_the_stated_delay() -> None:
     assert min(errors) < errors[0] / 3.0
 
 
+@pytest.mark.slow
 def test_synergies_close_where_the_whole_motion_is_cut() -> None:
     """With the filter of Klein et al., where all of its window is known."""
     file = files("geodesic_ocp") / "data" / "climb.csv"
@@ -138,6 +140,7 @@ def test_another_rate_is_noticed_but_not_a_jitter() -> None:
         live.step(1.0 + 16.0 / 120.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repeated", [True, False])
 def test_robot_rests_while_the_stream_pauses_and_goes_on_after(repeated: bool) -> None:
     live, begin = new_live(), np.array([0.3, -0.3, 0.2, 1.2, 0.0, 0.0, 0.0])

@@ -295,6 +295,7 @@ def test_two_arms_move_in_one_program(waypoints: ArmWaypoints, found: PlannedPat
             assert_allclose(mine.nodes[-1], alone.nodes[-1], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_another_posture_is_tried_before_a_pose_is_given_up() -> None:
     """Of the two configurations with the last position, the nearer one has the elbow too low."""
     arm = planar_arm((0.4, 0.4), (1.0, 1.0), (0.2, 0.2), (0.01, 0.01)).with_armature(0.1)
@@ -346,6 +347,7 @@ def test_a_small_error_may_save_a_detour() -> None:
     assert not near.within_reach
 
 
+@pytest.mark.slow
 def test_a_subclass_adds_constraints_and_costs(
     waypoints: ArmWaypoints, found: PlannedPaths, arm: go.Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,7 @@ def paired(robot: go.Model, alignment: go.retargeting.Alignment, **changes: Any)
     return paired_arms([small_analysis()], [robot], [alignment], None, None, None, chosen)[0]
 
 
+@pytest.mark.slow
 def test_a_displaced_base_is_found_again(robot: go.Model) -> None:
     """The person's own arm reaches all poses where it was, and hardly any from somewhere else."""
     planted = displaced(robot, (-0.1, 0.2, 0.15), -0.5)
@@ -85,6 +86,7 @@ def test_the_place_found_is_no_worse_than_the_default(
         assert abs(found.shift[1]) <= 0.05
 
 
+@pytest.mark.slow
 def test_a_robot_is_moved_if_poses_are_out_of_reach(robot: go.Model) -> None:
     """Poses a tenth farther from the shoulder are within reach of an arm that stands nearer."""
     chosen = replace(LENIENT, scale=SCALE, speed_limits=False, path_tolerance=(np.inf, np.inf))
@@ -99,6 +101,7 @@ def test_a_robot_is_moved_if_poses_are_out_of_reach(robot: go.Model) -> None:
     assert arm.mapping.scale == SCALE  # as asked for
 
 
+@pytest.mark.slow
 def test_a_scale_to_fit_is_the_largest_that_does(robot: go.Model) -> None:
     aligned = go.retargeting.align(robot)
     long = replace(aligned, length=1.3 * aligned.length)  # poses are farther than the arm is long

@@ -56,6 +56,7 @@ def test_positions_beyond_the_arm_are_missed_by_the_excess(arm: go.Model) -> Non
     assert [row[0] for row in rows_of_table(found.table())] == ["1", "2"]
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_inverse_kinematics(
     arm: go.Model, poses: tuple[np.ndarray, np.ndarray]
 ) -> None:

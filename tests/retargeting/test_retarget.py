@@ -74,6 +74,7 @@ def test_hand_reaches_the_poses(found: go.retargeting.Retargeting, analysis: go.
         assert_allclose(one.path.nodes[-1], other.path.nodes[0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_parallel_gripper_takes_the_better_grasp(
     found: go.retargeting.Retargeting, analysis: go.Analysis, robot: go.Model
 ) -> None:
@@ -106,6 +107,7 @@ def test_limits_hold_everywhere(found: go.retargeting.Retargeting) -> None:
         assert motion.limit_violation <= 1e-4
 
 
+@pytest.mark.slow
 def test_trajectory_is_sampled_evenly_and_consistent(
     analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting
 ) -> None:

@@ -50,6 +50,7 @@ def files_of(out: Path) -> dict[str, tuple[int, int]]:
     }
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_on_request(data: Path, tmp_path: Path) -> None:
     """Also of recordings that were analysed without."""
     counts = [
@@ -61,6 +62,7 @@ def test_figures_are_drawn_on_request(data: Path, tmp_path: Path) -> None:
     assert sorted(results) == sorted(each.stem for each in (tmp_path / "results").glob("*.png"))
 
 
+@pytest.mark.slow
 def test_parts_between_long_gaps_are_recordings(data: Path, tmp_path: Path) -> None:
     """With `fill`; also when the run goes on from its results."""
     file = write_stroke(data / "An" / "reach_2.csv", 2, duration=2.0)
@@ -77,6 +79,7 @@ def test_parts_between_long_gaps_are_recordings(data: Path, tmp_path: Path) -> N
     assert not any("twice" in note for note in found[1].notes)
 
 
+@pytest.mark.slow
 def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None:
     """In processes, as in this one."""
     settings = AnalysisSettings(deviation=0.03)

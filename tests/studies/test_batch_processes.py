@@ -47,23 +47,19 @@ def by_name(outcomes: Iterator[RecordingOutcome]) -> dict[str, RecordingOutcome]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "words"),
-    [
-        (signal.SIGKILL, "was killed (SIGKILL"),
-        pytest.param(0, "ended with exit code 7", marks=pytest.mark.slow),
-    ],
-)
-def test_a_process_that_dies_twice_is_named_with_its_recording(
-    folder: Path, number: int, words: str
-) -> None:
+def test_processes_that_die_twice_are_named_with_their_recordings(folder: Path) -> None:
     given = tasks(folder, 7)
-    given[2] = task(folder, "deadly.csv", DeadlyPath(number))
+    given[2] = task(folder, "killed.csv", DeadlyPath(signal.SIGKILL))
+    given[4] = task(folder, "ended.csv", DeadlyPath(0))
     found = by_name(in_processes(iter(given), 2))
     assert set(found) == {each.source.file for each in given}
-    deadly = found.pop("deadly.csv")
-    assert deadly.kind == "process"
-    assert words in deadly.text
+    for name, words in (
+        ("killed.csv", "was killed (SIGKILL"),
+        ("ended.csv", "ended with exit code 7"),
+    ):
+        dead = found.pop(name)
+        assert dead.kind == "process"
+        assert words in dead.text
     assert {each.kind for each in found.values()} == {"file"}  # there is no such file
 
 
@@ -88,21 +84,6 @@ def test_a_recording_that_takes_too_long_is_left_out(folder: Path) -> None:
     assert (endless.kind, endless.text) == ("process", "took longer than the time limit")
     assert {each.kind for each in found.values()} == {"file"}
     assert len(found) == 3
-
-
-def test_processes_are_renewed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five recordings through one process, which is renewed after every second."""
-    pools = []
-
-    class InThread(ThreadPoolExecutor):
-        def __init__(self, jobs: int, **_: Any) -> None:
-            pools.append(jobs)
-            super().__init__(jobs)
-
-    monkeypatch.setattr(processes, "_RENEWAL", 2)
-    monkeypatch.setattr(processes, "ProcessPoolExecutor", InThread)
-    assert len(by_name(in_processes(iter(tasks(folder, 5)), 1))) == 5
-    assert pools == [1, 1, 1]
 
 
 @pytest.mark.slow

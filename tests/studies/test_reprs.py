@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from short_reprs import OF_STUDIES, check_reprs
 
 import geodesic_ocp as go
@@ -12,6 +13,7 @@ from geodesic_ocp.studies.result_files import RecordingOutcome
 from geodesic_ocp.studies.sources import RecordingSource
 
 
+@pytest.mark.slow
 def test_reprs_are_short(bundled_analysis: go.Analysis) -> None:
     study = go.study([bundled_analysis] * 3, names=["a", "b", "c"], subjects=["Ann", "Bob", "Cleo"])
     source = RecordingSource(Path("folder/climb.csv"), "folder/climb.csv", "left")

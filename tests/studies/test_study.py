@@ -259,7 +259,7 @@ def test_rank_biserial_and_the_statistic_of_wilcoxon(differences: list[float]) -
 
 
 @given(st.integers(0, 50), st.randoms(use_true_random=False))
-@settings(max_examples=3)
+@settings(max_examples=1)
 def test_the_order_of_rows_changes_nothing(seed: int, random: object) -> None:
     recordings, synergies = drawn(seed, 4, 2)
     shuffled = [*recordings]

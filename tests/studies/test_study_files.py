@@ -49,6 +49,7 @@ def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
         study(tmp_path)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 100_000), st.integers(0, 255), st.integers(0, 100))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_parquet_is_refused_or_read(

@@ -105,6 +105,7 @@ def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
     assert len(bundled_analysis.plot().axes) == 4
 
 
+@pytest.mark.slow
 def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "results"
     folder.mkdir(parents=True)
@@ -128,6 +129,7 @@ def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Pa
         assert np.array_equal(synergy(t[here]), bundled_analysis.predicted.q[here])
 
 
+@pytest.mark.slow
 def test_a_failed_save_leaves_nothing_half_written(
     bundled_analysis: go.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,6 +266,7 @@ def test_the_default_metric_has_joint_inertia(planar: tuple[go.Model, go.Motion]
     assert go.analyse(arm, motion, metric=given).segments == own.segments
 
 
+@pytest.mark.slow
 def test_kinetic_is_without_joint_inertia_also_for_a_model_with_some(
     planar: tuple[go.Model, go.Motion],
 ) -> None:

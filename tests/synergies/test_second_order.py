@@ -56,6 +56,7 @@ def test_segments_must_cover_the_motion() -> None:
         riemannian_spline(HUMAN, wave(), SEGMENTS[:2])
 
 
+@pytest.mark.slow
 def test_optimal_cuts_of_cubics_find_where_a_motion_changes() -> None:
     """Two cubics that meet with equal velocities are found again from one cut."""
     q, turn = np.zeros(7), np.linspace(0.5, -0.3, 7)
@@ -108,6 +109,7 @@ def test_motions_of_least_effort_are_predicted_when_asked_for() -> None:
     assert np.abs(torque.q - cubics.q).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_knots_of_a_spline_are_found_again() -> None:
     points = np.array([[0.0, 1.0], [0.8, 0.2], [-0.5, 0.6], [0.4, 0.0]])
     original = go.spline(go.Euclidean(2), [0.0, 0.3, 0.6, 1.0], points, v0=[1.0, 0.0], v1=[0, 1])

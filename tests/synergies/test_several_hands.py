@@ -146,6 +146,7 @@ def test_a_single_hand_keeps_its_columns(arms: list[go.Model]) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_geodesic_of_both_arms_is_one_of_each(both: go.Model, arms: list[go.Model]) -> None:
     """Kinetic energies add up: the log map of the product is that of each factor."""
     motion = swing(both)

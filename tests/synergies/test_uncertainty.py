@@ -32,6 +32,7 @@ def cuts_of(motion: go.Motion) -> np.ndarray:
     return motion.time[[start for start, _ in go.segment(METRIC, motion)[1:]]]
 
 
+@pytest.mark.slow
 def test_the_spread_is_that_of_fresh_noise() -> None:
     motion = recorded(0)
     spread = bootstrap(ARM, METRIC, motion, go.segment(METRIC, motion), go.segment, replicates=60)
@@ -48,6 +49,7 @@ def test_the_spread_is_that_of_fresh_noise() -> None:
     assert not spread.stable.all()
 
 
+@pytest.mark.slow
 def test_an_analysis_has_a_spread_that_depends_on_its_seed_alone() -> None:
     motion = recorded(3, 1e-3)
     for segments in (go.segment, partial(go.synergies.segment_developed, deviation=0.1)):

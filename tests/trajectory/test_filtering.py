@@ -40,7 +40,7 @@ def test_a_sine_at_the_cutoff_loses_half_its_power(rate: float) -> None:
     assert amplitude(rate, 6.0, 6.0) == pytest.approx(np.sqrt(0.5), abs=2e-3)
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(frequency=st.floats(0.5, 20.0), cutoff=st.floats(2.0, 12.0))
 def test_the_response_is_that_of_a_butterworth_filter_both_ways(
     frequency: float, cutoff: float

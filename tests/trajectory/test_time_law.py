@@ -141,16 +141,6 @@ def test_monotone_time_law_with_a_pause_is_optimal() -> None:
     assert law(middle, 1) == pytest.approx(np.zeros(20), abs=1e-9)
 
 
-def test_speed_reaches_its_bound_without_exceeding_it() -> None:
-    free = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0)
-    law = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0, max_speed=1.2)
-    assert free(0.5, 1) == pytest.approx(1.35)
-    speeds = law(np.linspace(0.0, 1.0, 2001), 1)
-    assert speeds.max() <= 1.2 * (1 + 1e-9)
-    assert speeds.max() == pytest.approx(1.2, abs=1e-6)
-    assert law.cost > free.cost
-
-
 @pytest.mark.parametrize("ends", [(0.08, 0.08), (0.3, 0.0), (0.7, 1.0)])
 @pytest.mark.parametrize("gap", [0.002, 0.005, 0.05])
 def test_speed_bound_close_to_the_mean_speed(gap: float, ends: tuple[float, float]) -> None:

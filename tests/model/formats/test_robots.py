@@ -12,7 +12,6 @@ from gadget import MJCF, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.dynamics import BACKENDS, why_unavailable
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
 MMM = Path("data") / "models" / "mmm.xml"
@@ -87,21 +86,6 @@ def test_models_of_every_source_agree_with_numeric_pinocchio(
         assert_allclose(model.hand_pose(q)[0], data.oMf[frame].rotation, rtol=0, atol=1e-12)
         energy = pin.computePotentialEnergy(model.pin, data, q)
         assert model.potential_energy(q) == pytest.approx(energy, rel=1e-11, abs=1e-11)
-
-
-@pytest.mark.parametrize("source", MODELS)
-def test_the_two_back_ends_agree(
-    source: str, request: pytest.FixtureRequest, rng: np.random.Generator
-) -> None:
-    if missing := why_unavailable("pinocchio.casadi"):
-        pytest.skip(f"pinocchio.casadi cannot be imported: {missing}")
-    shared = request.getfixturevalue("shared") if source == "MMM" else Path()
-    first, second = (MODELS[source](backend, shared) for backend in BACKENDS)
-    for q in configurations(first, rng):
-        expected = second.mass_matrix(q)
-        atol = 1e-11 * np.abs(expected).max()
-        assert_allclose(first.mass_matrix(q), expected, rtol=0, atol=atol)
-        assert_allclose(first.hand_jacobian(q), second.hand_jacobian(q), rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(

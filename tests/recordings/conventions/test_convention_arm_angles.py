@@ -22,7 +22,6 @@ from geodesic_ocp.trajectory.motion import FrameMotion
 
 ARMS = {side: go.human_arm(side) for side in ("right", "left")}
 SIDE = st.sampled_from(["right", "left"])
-NEAR = st.floats(-1e-3, 1e-3) | st.just(0.0)
 SEED = st.integers(0, 2**32 - 1)
 TIME = np.linspace(0.0, 2.0, 201)
 TRUNK = tuple(f"B{name}_joint" for name in ("Px", "Pz", "Py", "Tx", "Tz", "Ty"))

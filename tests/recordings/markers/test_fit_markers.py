@@ -43,8 +43,9 @@ def test_joint_centres_give_the_angles_of_an_arm_at_a_fixed_shoulder() -> None:
     assert "Constant errors" not in text(fit.table())
 
 
+@pytest.mark.slow
 def test_centres_of_joints_tell_the_lengths_and_so_the_height() -> None:
-    arm, time = go.human_arm("right", HEIGHT), np.arange(80) / 40.0
+    arm, time = go.human_arm("right", HEIGHT), np.arange(40) / 20.0
     places = {
         name: (segment, HEIGHT * np.array(offset))
         for name, (segment, offset) in JOINT_CENTRES.places.items()

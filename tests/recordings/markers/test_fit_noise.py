@@ -13,6 +13,7 @@ from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
 
 
+@pytest.mark.slow
 def test_drawn_errors_are_as_large_and_as_slow_as_the_true_ones() -> None:
     """Skin that moves by 5 mm within tenths of a second, at markers around an arm."""
     arm, time = go.human_arm("right", HEIGHT), np.arange(100) / 50.0

@@ -81,17 +81,6 @@ def angle_between(first: Array, second: Array) -> Array:
     return np.arctan2(crossed, np.sum(first * second, axis=1))
 
 
-@pytest.mark.slow
-def test_bones_of_the_arm_follow_the_skeletons(
-    orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
-) -> None:
-    for segment, name in (("upper arm", "rhumerus"), ("forearm", "rradius"), ("hand", "rhand")):
-        bone = (bones[name]["end"] - bones[name]["start"]) @ TO_FILE
-        down = -orientations.rotations[f"right {segment}"][:, :, 2]
-        # Directions in the file have ten digits, and the wrist's is not exactly the radius'.
-        assert angle_between(bone, down).max() < 1e-8
-
-
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_models_arm_follows_the_skeletons(
     side: Side, orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]

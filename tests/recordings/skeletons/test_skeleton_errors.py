@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from recordings.motion_segments import segment_orientations
 from recordings.skeletons.skeleton_files import (
     TREE,
@@ -288,30 +286,6 @@ def test_positions_that_are_added_to_offsets_are_not_taken_for_positions(
 
 
 READERS = {"a.bvh": read_bvh, "07_01.amc": read_amc, "07.asf": read_amc, "a.npz": read_smpl}
-
-
-@given(name=st.sampled_from(sorted(READERS)), data=st.data())
-def test_damaged_files_are_read_or_refused_by_a_sentence(
-    folder: Path, tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject
-) -> None:
-    content = bytearray((folder / name).read_bytes())
-    for _ in range(data.draw(st.integers(0, 3))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    if data.draw(st.booleans()):
-        del content[data.draw(st.integers(0, len(content))) :]
-    place = tmp_path_factory.mktemp("damaged")
-    for file in folder.iterdir():
-        (place / file.name).write_bytes(file.read_bytes())
-    (place / name).write_bytes(content)
-    motion = place / ("07_01.amc" if name == "07.asf" else name)
-    message = f"{motion}: "
-    try:
-        read = READERS[name](motion)
-        assert len(read) in (2, 3)  # an AMC does not say how many frames it has
-    except go.RecordingError as failure:
-        message = str(failure)
-    assert message.startswith((f"{motion}: ", f"{place / name}: "))
-    assert "\n" not in message
 
 
 @pytest.mark.parametrize("convention", SKELETON_CONVENTIONS, ids=lambda each: each.name)
