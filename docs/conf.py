@@ -57,6 +57,7 @@ myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 nb_render_markdown_format = "gfm"  # with tables
 nb_execution_mode = "off"  # the notebooks' stored outputs are shown; CI executes them
+nb_output_stderr = "remove"  # progress bars
 copybutton_exclude = ".linenos, .gp, .go"
 
 # Docstrings are plain text with `names` between single backticks.
