@@ -102,6 +102,22 @@ def test_a_robot_is_moved_if_poses_are_out_of_reach(robot: go.Model) -> None:
 
 
 @pytest.mark.slow
+def test_a_slow_robot_is_moved_where_it_is_quicker() -> None:
+    arm = go.human_arm("right", 1.95, 90.0)
+    chain = arm.pin.copy()
+    chain.velocityLimit = np.full(arm.dof, 0.6)  # [rad/s]
+    slow = go.Model(chain, arm.hand, shapes=arm.bodies)
+    chosen = replace(LENIENT, path_tolerance=(np.inf, np.inf))
+    fixed = go.retarget(
+        small_analysis(), slow, alignment=go.retargeting.align(slow), settings=chosen
+    )
+    with pytest.warns(UserWarning, match="is moved, as its motion is slow or fails: base "):
+        found = go.retarget(small_analysis(), slow, settings=chosen)
+    assert found.arms[0].placement is not None
+    assert found.planned.stretch < fixed.planned.stretch
+
+
+@pytest.mark.slow
 def test_a_scale_to_fit_is_the_largest_that_does(robot: go.Model) -> None:
     aligned = go.retargeting.align(robot)
     long = replace(aligned, length=1.3 * aligned.length)  # poses are farther than the arm is long

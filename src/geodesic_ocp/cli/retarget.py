@@ -92,8 +92,8 @@ def retarget(
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
             degrees about the vertical, to where most poses are within reach at least cost. fixed:
             leave it there. By default, one robot without --alignment and --obstacle is moved if
-            poses are out of reach or the motion is slow. With --out, alignment.json says where a
-            moved robot stands (alignment_right.json and alignment_left.json for a body).
+            poses are out of reach, or the motion is slow or fails. With --out, alignment.json says
+            where a moved robot stands (alignment_right.json and alignment_left.json for a body).
         payload: mass in every hand [kg], at the origin of its frame, or MASS,x,y,z at another
             centre, or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,

@@ -101,7 +101,7 @@ class BasePlacement(ShortRepr):
     @property
     def reason(self) -> str:
         """Why a robot is moved here by default, a clause."""
-        return "it does not attain all poses" if self.gains else "its motion is slow"
+        return "it does not attain all poses" if self.gains else "its motion is slow or fails"
 
     def __str__(self) -> str:
         ways = (("right", "left"), ("forward", "backward"), ("up", "down"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeAlias
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
@@ -258,7 +260,7 @@ class _Plan:
 
     def moved(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
         """Return the motion of one robot, from another place if more poses are attained there, or
-        if it is slow and quicker there.
+        if it fails or is slow, and is better there.
         """
         grasps, placed = _grasps(pair, self.tolerance), None
         _, waypoints, layers = grasps[0]
@@ -266,14 +268,18 @@ class _Plan:
             placed = self._placed(pair)
             if placed[1].gains:
                 return self._at(*placed)
-        found = self.constrained(list(pair.of_hands), SynergyPaths, [grasps])
-        if _slowness(found[0]) <= 1.0:
+        found = None
+        with suppress(NotConverged):
+            found = self.constrained(list(pair.of_hands), SynergyPaths, [grasps])
+        if found is not None and not found[0].unfit and _slowness(found[0]) <= 1.0:
             return found
         placed = placed or self._placed(pair)
-        if placed[1].cost >= placed[1].cost_before:
-            return found
-        other = replace(self, throw=False)._at(*placed)
-        return min(found, other, key=lambda each: _success(each[0]))
+        if placed[1].cost < placed[1].cost_before:
+            other = replace(self, throw=False)._at(*placed)
+            found = min(found or other, other, key=lambda each: _success(each[0]))
+        if found is None or (self.throw and not found[0].planned.success):
+            return self.constrained(list(pair.of_hands), SynergyPaths, [grasps])  # raises
+        return found
 
     def _placed(self, pair: PairedArm) -> tuple[PairedArm, BasePlacement]:
         self.report("placing the base", 0, 1)
