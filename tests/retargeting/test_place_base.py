@@ -107,7 +107,7 @@ def test_a_slow_robot_is_moved_where_it_is_quicker() -> None:
     chain = arm.pin.copy()
     chain.velocityLimit = np.full(arm.dof, 0.6)  # [rad/s]
     slow = go.Model(chain, arm.hand, shapes=arm.bodies)
-    chosen = replace(LENIENT, path_tolerance=(np.inf, np.inf))
+    chosen = replace(LENIENT, scale=1.0, path_tolerance=(np.inf, np.inf))
     fixed = go.retarget(
         small_analysis(), slow, alignment=go.retargeting.align(slow), settings=chosen
     )
