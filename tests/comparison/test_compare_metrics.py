@@ -186,7 +186,7 @@ def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_pat
     assert axes.get_ylabel() == "mean error of the hand's position [m]"
     assert axes.get_xlim()[1] == 10.0
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert labels == ["G", "lines", "least BIC", "online rule"]
+    assert labels == ["G", "lines", "least BIC", "online cuts"]
     curve = axes.get_lines()[0]
     assert curve.get_ydata() == pytest.approx(comparison.curves["G"]["position"].to_numpy())
     with pytest.raises(ValueError, match="measure must be one of joint, position, orientation"):

@@ -202,7 +202,7 @@ def test_the_data_hold_names_as_they_are_without_closing_their_script() -> None:
     assert "<" not in data
     found = json.loads(data)
     assert found["scenes"][0]["solids"][0]["name"] == EVIL
-    assert found["spans"] == [[EVIL, [[EVIL, 0.0, 1.0, EVIL], [EVIL, 1.0, 2.0, ""]]]]
+    assert found["spans"] == [[EVIL, [[EVIL, 0.0, 1.0, EVIL, None], [EVIL, 1.0, 2.0, "", None]]]]
 
 
 def test_a_document_refers_to_nothing_outside_and_says_so() -> None:
