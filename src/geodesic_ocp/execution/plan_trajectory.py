@@ -115,7 +115,7 @@ def attainable(arms: Sequence[ArmPaths], clearance: Clearance) -> tuple[Clearanc
     return replace(clearance, lower=lower), sentence
 
 
-_ROUNDING = 1e-9
+_ROUNDING = 1e-5  # of a sample; a duration is found to about 1e-8
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ def merge_synergies(
     >>> reach = np.outer(3.0 * time**2 - 2.0 * time**3, np.full(7, 0.5))
     >>> analysis = go.analyse(arm, go.Motion(time, reach, arm.joint_names).filtered())
     >>> [(group.start, group.stop) for group in go.retargeting.merge_synergies(analysis.synergies)]
-    [(0, 73), (73, 100)]
+    [(0, 51), (51, 100)]
 
     Args:
         synergies: synergies of one arm, one after the other.
