@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from known_metrics import PolarPlane, Sphere, in_plane, on_sphere
+from known_metrics import HalfPlane, PolarPlane, Sphere, in_plane, on_sphere
 
 import geodesic_ocp as go
 
@@ -83,3 +83,13 @@ def test_mean_of_equal_and_nearly_equal_points(
         for offset in (0.0, 1e-15, 1e-11):
             found = go.frechet_mean(arm_metric, point + offset * np.array([[0.0], [1.0], [2.0]]))
             assert found == pytest.approx(point + offset, abs=1e-15, rel=0.0)
+
+
+def test_mean_of_a_regular_triangle_is_its_centre() -> None:
+    """Three points at the same distance around a point of the sphere, and of the half-plane."""
+    for metric, centre in ((Sphere(), [1.4, 0.7]), (HalfPlane(), [0.5, 1.5])):
+        basis = np.linalg.inv(np.linalg.cholesky(metric.matrix(np.array(centre)))).T
+        angles = 0.3 + 2.0 * np.pi / 3.0 * np.arange(3)
+        velocities = 0.6 * np.column_stack([np.cos(angles), np.sin(angles)]) @ basis.T
+        triangle = [go.exp(metric, centre, v) for v in velocities]
+        assert go.frechet_mean(metric, triangle) == pytest.approx(np.array(centre), abs=EXACT)

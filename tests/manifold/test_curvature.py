@@ -167,3 +167,15 @@ def test_bad_arguments_are_named(q: list, u: list, v: list, message: str) -> Non
         go.manifold.sectional_curvature(Sphere(), q, u, v)
     with pytest.raises(ValueError, match="metric must be"):
         go.manifold.scalar_curvature("sphere", q)
+
+
+def test_curvature_scales_with_the_inverse_squared_radius(rng: np.random.Generator) -> None:
+    class Globe(go.Metric):
+        dim = 2
+
+        def matrix(self, q: Any) -> Any:
+            return 25.0 * Sphere().matrix(q)
+
+    assert close(
+        go.manifold.sectional_curvature(Globe(), [1.0, 2.0], [1.0, 0.0], [0.0, 1.0]), 1.0 / 25.0
+    )

@@ -293,3 +293,15 @@ def test_steps_converge_with_the_eighth_order() -> None:
     assert max(errors) < 1e-4
     slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert -8.8 < slope < -7.5
+
+
+def test_two_link_arm_of_an_independent_implementation(known_geodesics: dict[str, Any]) -> None:
+    known = known_geodesics["two_link_exp"]
+    metric = go.KineticEnergy(planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (1.0, 1.0)))
+    q0, v0 = known["q0"], known["v0"]
+    assert metric.matrix(q0) == pytest.approx(np.array(known["mass_matrix"]), abs=1e-7)
+    assert metric.acceleration(q0, v0) == pytest.approx(np.array(known["acceleration"]), abs=1e-8)
+    positions, velocities = sample_geodesic(metric, q0, v0, [0.0, 1.0])
+    assert positions[-1] == pytest.approx(np.array(known["exp"]), abs=1e-8)
+    assert velocities[-1] == pytest.approx(np.array(known["velocity_at_1"]), abs=1e-8)
+    assert metric.norm(q0, v0) == pytest.approx(known["length"], abs=1e-9)

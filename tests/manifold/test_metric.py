@@ -226,3 +226,11 @@ def test_a_matrix_may_be_a_list_of_rows() -> None:
 
     with pytest.raises(ValueError, match=r"Words\.matrix\(q\) must be a matrix of CasADi"):
         go.exp(Words(), q, q)
+
+
+def test_christoffel_symbols_of_the_sphere() -> None:
+    t = 0.7
+    expected = np.zeros((2, 2, 2))
+    expected[0, 1, 1] = -np.sin(t) * np.cos(t)
+    expected[1, 0, 1] = expected[1, 1, 0] = np.sin(t) * np.cos(t)
+    assert Sphere().christoffel([t, 0.3]) == pytest.approx(expected, abs=1e-15)

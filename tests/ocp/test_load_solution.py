@@ -162,3 +162,12 @@ def test_iterate_that_is_not_a_number_is_saved(tmp_path: Path) -> None:
     assert_array_equal(again.path.nodes, failed.path.nodes)
     for name, values in failed.multipliers.items():
         assert_array_equal(again.multipliers[name], values)
+
+
+def test_file_is_standard_json(tmp_path: Path) -> None:
+    solution = go.solve(PlaneAroundDisc(), throw=False, ipopt={"max_iter": 1})
+    file = solution.save(tmp_path / "solution.json")
+    record = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(name))
+    assert record["problem"] == "PlaneAroundDisc"
+    assert np.shape(record["nodes"]) == (len(record["s"]), 2)
+    assert record["stats"]["status"].startswith("Ipopt reached its iteration limit")

@@ -285,3 +285,38 @@ def test_options_unknown_to_ipopt_are_named(options: dict, reason: str) -> None:
     problem = go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (1.0, 0.0))
     with pytest.raises(ValueError, match=f"does not take ipopt=.*{next(iter(options))}.*{reason}"):
         go.solve(problem, ipopt=options)
+
+
+def test_path_around_a_disc_has_the_exact_length() -> None:
+    """Refined grids approach two tangents and an arc; the smooth parts alone would be 2."""
+    problem = PlaneAroundDisc()
+    errors = []
+    for segments in (8, 16, 32):
+        solution = go.solve(problem, grid=go.Grid(segments, 4))
+        assert solution.stats.max_node_violation < 1e-8
+        errors.append(abs(solution.path.length - problem.exact_length))
+    assert errors[0] < 1e-2
+    assert errors[2] < 1e-3
+    assert np.all(solution.multipliers["disc"] <= 1e-9)  # it pushes outwards only
+
+
+def test_grids_converge_spectrally() -> None:
+    """The energy's error falls by orders of magnitude with every few degrees, until rounding."""
+    a, b = np.array([1.0, 0.0]), np.array([1.4, 1.9])
+    exact = go.distance(Sphere(), a, b) ** 2 / 2
+    problem = go.PointToPoint(Sphere(), tuple(a), tuple(b))
+    errors = [
+        abs(go.solve(problem, grid=go.Grid(1, d)).stats.energy - exact) for d in (4, 8, 12, 16)
+    ]
+    assert errors[1] < 1e-2 * errors[0]
+    assert errors[2] < 1e-2 * errors[1]
+    assert errors[3] < 1e-11
+
+
+def test_warm_start_from_a_path_on_another_grid() -> None:
+    problem = go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.9))
+    coarse = go.solve(problem, grid=go.Grid(1, 12))
+    cold = go.solve(problem, grid=go.Grid(4, 6))
+    warm = go.solve(problem, grid=go.Grid(4, 6), guess=coarse.path)
+    assert warm.path.length == pytest.approx(cold.path.length, rel=1e-10)
+    assert warm.stats.iterations < cold.stats.iterations

@@ -520,8 +520,9 @@ def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Pat
 @pytest.mark.slow
 @needs_robots
 def test_on_panda(analysis: go.Analysis) -> None:
-    """With less action than inverse kinematics, where the hand is free between its poses."""
-    settings = go.RetargetingSettings(merge=0.3, path_tolerance=(np.inf, np.inf))
+    """By the synergies of Klein et al."""
+    analysis = go.analyse(analysis.model, analysis.motion, metric="kinetic", segments=go.segment)
+    settings = go.RetargetingSettings(merge=0.3)
     found = go.retarget(analysis, go.load_model("panda"), settings=settings)
     (arm,) = found.arms
     assert arm.mapping.mirror

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 import os
 import shutil
+import subprocess
 import sys
 import threading
 from collections.abc import Callable
@@ -12,7 +15,7 @@ from types import SimpleNamespace
 
 import pinocchio_casadi
 import pytest
-from casadi_bindings import build, cache, checks, install, target
+from casadi_bindings import build, cache, checks, install, progress, target
 from casadi_bindings.errors import CannotBuild
 from casadi_bindings.target import MODULE, Target
 
@@ -79,6 +82,27 @@ def test_libraries_are_found_relative_to_the_module(wheels: Target) -> None:
     ]
     prefix = wheels.casadi.parent / "cmeel.prefix"
     assert folders == [(prefix / "lib").resolve(), wheels.casadi.resolve()]
+
+
+def test_packages_not_installed_by_pip_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = tmp_path / "casadi" / "__init__.py"
+    other.parent.mkdir()
+    other.touch()
+    found = type("Found", (), {"origin": str(other)})
+    monkeypatch.setattr(target.importlib.util, "find_spec", lambda name: found)
+    with pytest.raises(CannotBuild, match=f"takes {other}, which is not pip's: is PYTHONPATH set"):
+        target._imported_from(target.metadata.distribution("casadi"), "casadi")
+
+
+def test_missing_wheels_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def distribution(name: str) -> None:
+        raise target.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(target.metadata, "distribution", distribution)
+    with pytest.raises(CannotBuild, match=r"pin is not installed for .*-m pip install 'pin"):
+        target.installed_target()
 
 
 def test_versions_of_this_environment_are_found() -> None:
@@ -172,6 +196,26 @@ def test_compilers_that_fail_are_named(
         checks.find_compiler(wheels)
 
 
+def test_compilers_have_absolute_paths(
+    tmp_path: Path, wheels: Target, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """CMake starts it from another folder."""
+    if not (Path(checks.sysconfig.get_path("include")) / "Python.h").is_file():
+        pytest.skip("Python's headers are not installed")
+    monkeypatch.chdir(tmp_path)
+    program(tmp_path, 'while [ "$1" != -o ]; do shift; done; cp /bin/true "$2"')
+    monkeypatch.setenv("CXX", "./compiler")
+    assert checks.find_compiler(wheels) == tmp_path / "compiler"
+
+
+def test_missing_headers_of_python_are_named(
+    tmp_path: Path, wheels: Target, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checks.sysconfig, "get_path", lambda name: str(tmp_path))
+    with pytest.raises(CannotBuild, match=r"headers are missing .*Python\.h"):
+        checks.find_compiler(wheels)
+
+
 @pytest.mark.slow
 def test_compiler_of_this_machine_links_with_casadi() -> None:
     try:
@@ -198,6 +242,22 @@ def test_jobs_fit_into_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
         checks.choose_jobs(None)
 
 
+def test_memory_of_a_container_counts(tmp_path: Path) -> None:
+    group = tmp_path / "sys" / "fs" / "cgroup"
+    for folder in (tmp_path / "proc", group):
+        folder.mkdir(parents=True)
+    (tmp_path / "proc" / "meminfo").write_text(
+        "MemTotal: 9 kB\nMemAvailable:  8 kB\nHugePages: 0\n"
+    )
+    assert checks.free_memory(tmp_path) == 8192.0
+    (group / "memory.max").write_text("max\n")
+    assert checks.free_memory(tmp_path) == 8192.0
+    (group / "memory.max").write_text("7000\n")
+    (group / "memory.current").write_text("6500\n")
+    (group / "memory.stat").write_text("anon 1500\ninactive_file 5000\n")
+    assert checks.free_memory(tmp_path) == 5500.0
+
+
 def test_full_disks_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     below = tmp_path / "not" / "there" / "yet"
     checks.check_space(below, 1.0)
@@ -216,6 +276,18 @@ def test_full_disks_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 # The build's steps
+
+
+def test_output_is_logged_and_foreign_settings_are_ignored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CXXFLAGS", "-march=native")
+    monkeypatch.setenv("PYTHONPATH", "/opt/ros")
+    log, seen = tmp_path / "build.log", []
+    show = "import os; print('CXXFLAGS' in os.environ, 'PYTHONPATH' in os.environ)"
+    build._run([sys.executable, "-c", show], log, seen.append)
+    assert seen == ["False False\n"]
+    assert log.read_text().endswith("False False\n")
 
 
 @pytest.mark.parametrize(
@@ -265,7 +337,50 @@ def test_interruption_stops_the_program(tmp_path: Path) -> None:
         build._run([sys.executable, "-c", forever], tmp_path / "build.log", stop)
 
 
+def test_tests_of_pinocchio_are_left_out(tmp_path: Path) -> None:
+    file = tmp_path / "CMakeLists.txt"
+    file.write_text(
+        "add_subdirectory(utils)\nadd_subdirectory(unittest)\n  add_subdirectory(src)\n"
+    )
+    build._leave_out_tests(file)
+    lines = [line for line in file.read_text().splitlines() if not line.startswith("#")]
+    assert lines == ["  add_subdirectory(src)"]
+    with pytest.raises(CannotBuild, match="not as the recipe expects"):
+        build._leave_out_tests(file)
+
+
+def test_progress_counts_and_estimates(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        clock = itertools.chain([0.0, 0.0], itertools.repeat(300.0))
+        patch.setattr(progress.time, "monotonic", clock.__next__)
+        with progress.Progress("compiling") as shown:
+            shown.ninja("ninja: Entering directory `build'")
+            shown.ninja("[21/84] Building CXX object a.cpp.o")
+    text = capsys.readouterr().out
+    assert "compiling: 21 of 84 after 5 min, about 15 min to go" in text
+
+
 # The cache
+
+
+def test_finished_builds_are_found_unless_damaged(wheels: Target) -> None:
+    assert cache.find(wheels) is None
+    folder = built(wheels)
+    assert cache.find(wheels) == folder
+    assert built(wheels, b"other code") == folder
+    assert (folder / MODULE).read_bytes() == b"other code"
+    (folder / MODULE).write_bytes(b"other cod")
+    assert cache.find(wheels) is None
+    (built(wheels) / cache.RECORD).unlink()
+    assert cache.find(wheels) is None
+
+
+@pytest.mark.parametrize(
+    "record", ["", "[]", "null", "{}", '{"sha256": null}', '{"versions": {}, "sha256": {}}']
+)
+def test_builds_with_damaged_records_are_ignored(record: str, wheels: Target) -> None:
+    (built(wheels) / cache.RECORD).write_text(record)
+    assert cache.find(wheels) is None
 
 
 def test_one_run_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -304,6 +419,19 @@ def test_unfinished_builds_are_not_purged(wheels: Target) -> None:
 # In the environment
 
 
+@pytest.mark.usefixtures("works")
+def test_installed_build_is_removed_completely(wheels: Target) -> None:
+    before = files(wheels.pinocchio)
+    assert install.installed_key(wheels.pinocchio) is None
+    install.install(wheels, built(wheels))
+    assert files(wheels.pinocchio) == sorted([*before, MODULE, "casadi/__init__.py"])
+    assert install.installed_key(wheels.pinocchio) == wheels.key
+    assert install.remove(wheels.pinocchio)
+    assert files(wheels.pinocchio) == before
+    assert not (wheels.pinocchio / "casadi").exists()
+    assert not install.remove(wheels.pinocchio)
+
+
 def test_build_that_does_not_work_is_removed(
     wheels: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -323,6 +451,14 @@ def test_build_that_does_not_work_is_removed(
     assert cache.find(wheels) == folder
 
 
+def test_foreign_bindings_are_not_touched(wheels: Target) -> None:
+    (wheels.pinocchio / "casadi").mkdir()
+    (wheels.pinocchio / "casadi" / "__init__.py").touch()
+    assert install.installed_key(wheels.pinocchio) == install.FOREIGN
+    assert not install.remove(wheels.pinocchio)
+    assert (wheels.pinocchio / "casadi" / "__init__.py").exists()
+
+
 @pytest.mark.usefixtures("works")
 def test_other_versions_of_the_wheels_are_refused_on_import(
     wheels: Target, monkeypatch: pytest.MonkeyPatch
@@ -337,6 +473,18 @@ def test_other_versions_of_the_wheels_are_refused_on_import(
     versions["casadi"] = "3.9.0"
     with pytest.raises(ImportError, match=r"built for casadi 3\.8\.2, here it is 3\.9\.0: build"):
         exec(source, {})
+
+
+@pytest.mark.slow
+def test_import_check_reports_errors() -> None:
+    """In this environment: an error, or pinocchio.casadi can be imported."""
+    error = install.import_error()
+    there = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", "import pinocchio.casadi"], capture_output=True
+    )
+    assert bool(error) == bool(there.returncode)
+    if error:
+        assert "No module named 'pinocchio.casadi'" in error
 
 
 # The command line
@@ -483,3 +631,9 @@ def test_wrong_usage_ends_with_code_2(
     with pytest.raises(SystemExit, match="2"):
         pinocchio_casadi.main(arguments)
     assert "usage:" in capsys.readouterr().err
+
+
+def test_record_of_a_build(wheels: Target) -> None:
+    record = json.loads((built(wheels) / cache.RECORD).read_text())
+    assert record["versions"] == {"casadi": "3.8.2", "libpinocchio": "4.1.0", "pin": "4.1.0"}
+    assert record["seconds"] == 1700

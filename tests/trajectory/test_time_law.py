@@ -203,3 +203,13 @@ def test_arguments_out_of_range_are_named() -> None:
         law(2.1)
     with pytest.raises(ValueError, match="order must not be negative"):
         law(1.0, -1)
+
+
+def test_speed_reaches_its_bound_without_exceeding_it() -> None:
+    free = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0)
+    law = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0, max_speed=1.2)
+    assert free(0.5, 1) == pytest.approx(1.35)
+    speeds = law(np.linspace(0.0, 1.0, 2001), 1)
+    assert speeds.max() <= 1.2 * (1 + 1e-9)
+    assert speeds.max() == pytest.approx(1.2, abs=1e-6)
+    assert law.cost > free.cost
