@@ -115,7 +115,7 @@ def attainable(arms: Sequence[ArmPaths], clearance: Clearance) -> tuple[Clearanc
     return replace(clearance, lower=lower), sentence
 
 
-_ROUNDING = 1e-5  # of a sample; a duration is found to about 1e-8
+_ROUNDING = 1e-6  # of a sample, as durations are found to some 1e-8 s
 
 
 @dataclass(frozen=True)

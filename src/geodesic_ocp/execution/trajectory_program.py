@@ -337,7 +337,7 @@ _WARM_START = {
     **_IPOPT,
     **{f"warm_start_{each}": 1e-6 for each in _PUSHES},
     "warm_start_init_point": "yes",
-    "compl_inf_tol": 1e-8,  # so small a barrier that active bounds are attained
+    "compl_inf_tol": 1e-10,  # so small a barrier that active bounds are attained
 }
 
 # Multipliers of the constraint functions by kind: numbers of the instances, in increasing order,

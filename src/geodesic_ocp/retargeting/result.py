@@ -402,8 +402,7 @@ def _of_arm(arm: RetargetedArm) -> Iterator[str]:
                 yield f"{where} {verb} the hand by {mine:.2g} {unit}, {person}"
         slower = synergy.duration / arm.seconds(group)
         if slower > _SLOW:
-            advice = "" if arm.placement else " (another place may be quicker: --mount auto)"
-            yield f"{where} takes {slower:.2g} times the person's time{advice}"
+            yield f"{where} takes {slower:.2g} times the person's time"
 
 
 def _lengths(rotations: Array, positions: Array) -> tuple[float, ...]:

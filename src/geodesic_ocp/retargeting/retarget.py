@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeAlias
@@ -268,17 +267,20 @@ class _Plan:
             placed = self._placed(pair)
             if placed[1].gains:
                 return self._at(*placed)
-        found = None
-        with suppress(NotConverged):
+        found, failure = None, None
+        try:
             found = self.constrained(list(pair.of_hands), SynergyPaths, [grasps])
+        except NotConverged as error:
+            failure = error
         if found is not None and not found[0].unfit and _slowness(found[0]) <= 1.0:
             return found
         placed = placed or self._placed(pair)
         if placed[1].cost < placed[1].cost_before:
             other = replace(self, throw=False)._at(*placed)
             found = min(found or other, other, key=lambda each: _success(each[0]))
-        if found is None or (self.throw and not found[0].planned.success):
-            return self.constrained(list(pair.of_hands), SynergyPaths, [grasps])  # raises
+        if failure is not None and (found is None or not found[0].planned.success):
+            raise failure
+        assert found is not None
         return found
 
     def _placed(self, pair: PairedArm) -> tuple[PairedArm, BasePlacement]:

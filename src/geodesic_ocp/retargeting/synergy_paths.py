@@ -42,10 +42,10 @@ _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
 _LACKING = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
 _ROUNDS, _MOST_SEGMENTS = 12, 400
-_RESOLVED = 1e-3  # of the energy
-# Distances are kept at instants and make corners: number of grids on which it then counts how well
-# the paths are resolved.
-_ROUNDS_APART = 3
+_RESOLVED = 1e-4  # of the energy
+# With distances, which are kept at instants and make corners; and the number of grids on which it
+# also counts how well the paths are resolved.
+_RESOLVED_APART, _ROUNDS_APART = 1e-3, 3
 _TINY = 1e-12
 _INSTANTS = 24  # of a movement at which distances are checked
 _DISTANCE_ROUNDS = 6
@@ -301,7 +301,9 @@ class _Rounds:
             return replace(ended, nodes=tuple(nodes), longer=longer, objective=outcome.objective)
 
         def examine(number: int, iterate: _Iterate) -> tuple[_Iterate, _Iterate | None]:
-            resolved = np.inf if rows and number >= _ROUNDS_APART else _RESOLVED
+            resolved = _RESOLVED
+            if rows:  # then joint limits alone
+                resolved = _RESOLVED_APART if number < _ROUNDS_APART else np.inf
             if not iterate.success:
                 return iterate, None
             pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
