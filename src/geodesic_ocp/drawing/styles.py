@@ -125,9 +125,8 @@ def in_degrees(shown: Any) -> Any:
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> analysis = go.analyse(arm, go.Motion(motion.time[:150], motion.q[:150], arm.joint_names))
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> analysis = go.analyse(recording.model, recording.motion)
     >>> go.drawing.in_degrees(analysis.table()).columns[1]
     'joints [deg]'
     >>> figure = go.drawing.in_degrees(analysis.plot())

@@ -140,14 +140,10 @@ def fit_cost(
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> recording = go.recordings.Recording(arm, reach.filtered())
-    >>> segments = [[(0, 75), (75, 159)]]
-    >>> fit = go.fitting.fit_cost(recording, ["energy", "jerk"], segments=segments, degree=6)
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> fit = go.fitting.fit_cost(recording, ["energy", "jerk"], degree=6)
     >>> fit.weights.round(2).tolist()
-    [0.0, 1.0]
+    [0.95, 0.05]
 
     Args:
         recordings: recordings of one or more persons.

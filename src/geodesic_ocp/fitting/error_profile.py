@@ -93,14 +93,11 @@ def error_profile(
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> recording = go.recordings.Recording(arm, reach.filtered())
-    >>> fit = go.fit_metric(recording, segments=[[(0, 75), (75, 159)]])
-    >>> profile = go.fitting.error_profile(fit, values=[0.01, 0.05, 0.2])
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> fit = go.fit_metric(recording)
+    >>> profile = go.fitting.error_profile(fit, values=[0.001, 0.05, 1.0])
     >>> profile.errors.ravel().round(3).tolist()
-    [0.038, 0.03, 0.03]
+    [0.026, 0.021, 0.021]
 
     Args:
         fit: fit whose recordings and cuts are used.

@@ -170,11 +170,8 @@ def save_metric(
     >>> from pathlib import Path
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> recording = go.recordings.Recording(arm, reach.filtered())
-    >>> fit = go.fit_metric(recording, segments=[[(0, 75), (75, 159)]])
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> fit = go.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
     ...     "joint_inertia" in Path(f"{folder}/metric.json").read_text()
@@ -262,16 +259,13 @@ def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEne
     >>> import tempfile
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> recording = go.recordings.Recording(arm, reach.filtered())
-    >>> fit = go.fit_metric(recording, segments=[[(0, 75), (75, 159)]])
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> fit = go.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
-    ...     metric = go.fitting.load_metric(f"{folder}/metric.json", arm)
-    >>> round(go.distance(metric, reach.q[0], reach.q[75]), 4)
-    0.3093
+    ...     metric = go.fitting.load_metric(f"{folder}/metric.json", recording.model)
+    >>> round(go.distance(metric, recording.motion.q[0], recording.motion.q[75]), 4)
+    0.1974
 
     Args:
         path: the JSON file.

@@ -58,12 +58,10 @@ def study(
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> analysis = go.analyse(arm, reach)
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> analysis = go.analyse(recording.model, recording.motion)
     >>> go.study([analysis, analysis], subjects=["A", "B"])
-    StudyResult(2 recordings of 2 subjects, 11 methods, 6 synergies)
+    StudyResult(2 recordings of 2 subjects, 11 methods, 44 synergies)
 
     Args:
         source: the output folder of `geodesic-ocp analyse DIR --out FOLDER`; or the paths of its

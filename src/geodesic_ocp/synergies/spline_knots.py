@@ -81,7 +81,6 @@ def spline_knots(
     >>> arm = go.human_arm("left", height=1.78)
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
     >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> recording = go.recordings.Recording(arm, reach.filtered())
     >>> knots = go.synergies.spline_knots(go.Euclidean(7), reach.filtered(), spacing=0.2)
     >>> knots.errors.round(3).tolist()
     [0.063, 0.018, 0.01, 0.006, 0.005, 0.004, 0.004]

@@ -95,13 +95,11 @@ def motion_of_synergies(synergies: Sequence[Synergy], rate: float = _RATE) -> Mo
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> analysis = go.analyse(arm, reach)
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> analysis = go.analyse(recording.model, recording.motion)
     >>> predicted = go.synergies.motion_of_synergies(analysis.synergies)
     >>> len(predicted), predicted.time[[0, -1]].round(3).tolist()
-    (134, [2.25, 3.575])
+    (700, [0.0, 6.992])
 
     Args:
         synergies: synergies, each of which begins where the one before it ends.
@@ -325,10 +323,8 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
     >>> import tempfile
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> analysis = go.analyse(arm, reach)
+    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> analysis = go.analyse(recording.model, recording.motion)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     files = analysis.save(folder)
     ...     synergies = go.synergies.load_synergies(f"{folder}/synergies.json", analysis.metric)
