@@ -70,6 +70,12 @@ def test_names_are_text_whatever_they_contain() -> None:
     assert "_first $x^2$ <script> a & b \u95a2\u7bc0 nul  and line" in texts(svg)
 
 
+def test_names_that_no_file_can_hold_are_made_plain() -> None:
+    plot = Plot("q", (Curve("c", TIME, TIME),), "a\u202eb")
+    svg, _ = draw_plot(plot, (0.0, 2.0), "t\x00 [s]", ())
+    assert {"a b", "t  [s]"} <= set(texts(ElementTree.fromstring(svg)))
+
+
 def test_every_second_span_is_shaded() -> None:
     curve = Curve("c", TIME, TIME, "observed")
     bare, _ = drawn(curve)
