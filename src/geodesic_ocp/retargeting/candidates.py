@@ -144,14 +144,15 @@ def _chosen(q: Array, errors: Array, allowed: NDArray[np.bool_], most: int) -> C
     order = np.argsort(errors, kind="stable")
     order = order[taken[order]]
     kept: list[int] = []
-    near = 0
+    near, same = 0, np.zeros(len(q), dtype=bool)
     for index in order.tolist():
-        if kept and np.abs(q[kept] - q[index]).max(axis=1).min() <= _SAME:
+        if same[index]:
             continue
         near += bool(least == 0.0 and errors[index] > 0.0)
         if len(kept) - near >= most or near > _NEAR:
             continue
         kept.append(index)
+        same |= np.abs(q - q[index]).max(axis=1) <= _SAME
     return Candidates(q[kept], errors[kept], allowed[kept])
 
 
@@ -296,7 +297,7 @@ def find_start(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
     layers: tuple[Candidates, ...],
-    lacks: Lacks | None = None,
+    lacks: Lacks | None,
 ) -> StartConfigurations:
     """Return the configurations at the waypoints from which the program starts.
 
@@ -332,27 +333,23 @@ def best_candidates(
     lacks: Lacks | None = None,
 ) -> StartConfigurations:
     """Return the shortest path through the candidates; see `find_start`."""
-    matrices = [waypoints.arm.mass_matrix(layer.q) for layer in layers]
-    nodes = [node_costs(waypoints, weights, number, layer) for number, layer in enumerate(layers)]
+    every = np.vstack([layer.q for layer in layers])
+    ends = np.cumsum([len(layer.q) for layer in layers])[:-1]
+    matrices = np.split(waypoints.arm.mass_matrix(every), ends)
+    parameters = [
+        waypoints.parameters(number, layer.missed, weights) for number, layer in enumerate(layers)
+    ]
+    # Of posture, likeness, gravity torques, and missed poses.
+    costs = waypoints.terms.at("value", every, np.vstack(parameters))[0][:, 0] / len(layers)
     if lacks is not None:
-        for costs, layer in zip(nodes, layers, strict=True):
-            costs += _TOO_NEAR * lacks(layer.q)
+        costs += _TOO_NEAR * lacks(every)
     edges = partial(_edge_costs, waypoints, weights, layers, matrices)
-    chosen, cost = shortest_path(nodes, edges)
+    chosen, cost = shortest_path(np.split(costs, ends), edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
     pairs = list(zip(layers, chosen, strict=True))
     missed = np.array([layer.missed[index] for layer, index in pairs])
     allowed = np.array([layer.allowed[index] for layer, index in pairs])
     return StartConfigurations(q, missed, allowed & (missed > 0.0), cost)
-
-
-def node_costs(
-    waypoints: ArmWaypoints, weights: ObjectiveWeights, number: int, candidates: Candidates
-) -> Array:
-    """Return the costs (k,) at a waypoint: posture, likeness, gravity torques, missed poses."""
-    parameters = waypoints.parameters(number, candidates.missed, weights)
-    costs, _ = waypoints.terms.at("value", candidates.q, parameters)
-    return costs[:, 0] / (waypoints.count + 1)
 
 
 def _edge_costs(
@@ -365,8 +362,9 @@ def _edge_costs(
     here, there = layers[number].q, layers[number + 1].q
     duration = waypoints.durations[number]
     change = there[None, :, :] - here[:, None, :]
-    first = np.einsum("abi,aij,abj->ab", change, matrices[number], change, optimize=True)
-    last = np.einsum("abi,bij,abj->ab", change, matrices[number + 1], change, optimize=True)
+    first = np.einsum("abi,abi->ab", change @ matrices[number], change)
+    forces = (change.swapaxes(0, 1) @ matrices[number + 1]).swapaxes(0, 1)
+    last = np.einsum("abi,abi->ab", forces, change)
     action = (first + last) / (4.0 * duration)
     needed = (np.abs(change) / (waypoints.speed[number] * duration)).max(axis=2)
     late = duration * np.maximum(0.0, needed - 1.0)

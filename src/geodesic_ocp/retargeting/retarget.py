@@ -243,7 +243,7 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
     if not turns:
         return found
     weights = graph_weights(*found[0][1:], pair.settings)
-    costs = [find_start(waypoints, weights, layers).cost for _, waypoints, layers in found]
+    costs = [find_start(waypoints, weights, layers, None).cost for _, waypoints, layers in found]
     return found if costs[1] < _WORTH * costs[0] else found[:1]
 
 
