@@ -30,6 +30,8 @@ from geodesic_ocp.ipopt import Ipopt, Outcome, Relay
 Start = TypeVar("Start")
 Found = TypeVar("Found")
 _MANY = 200  # instructions from which on a function is compiled
+# From which on looking for common subexpressions takes longer than the few that there are.
+_LONG = 2000
 _PER_INSTRUCTION = 1e-7  # [s] that a program takes for one in all its evaluations
 
 
@@ -173,8 +175,11 @@ class Terms:
         return [lam_f, lam_g], ca.triu(ca.SX(hessian))
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-        tidy = [ca.cse(ca.densify(each)) for each in outputs]
-        return ca.Function(name, [self._z, self._p, *more], tidy)
+        arguments, dense = [self._z, self._p, *more], [ca.densify(each) for each in outputs]
+        whole = ca.Function(name, arguments, dense)
+        if whole.n_instructions() > _LONG:
+            return whole
+        return ca.Function(name, arguments, [ca.cse(each) for each in dense])
 
 
 def _pointers(arrays: Sequence[Array], size: int) -> ctypes.Array[ctypes.c_void_p]:

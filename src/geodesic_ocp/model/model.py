@@ -350,6 +350,8 @@ class Model:
             ValueError: there is no such frame, or it is given twice.
         """
         hands = self.hands if hand in self.hands and not others else (hand, *others)
+        if (hand, hands) == (self.hand, self.hands):
+            return self
         return replace(self, hand=hand, hands=hands)
 
     def with_bodies(self, *bodies: Body) -> Model:

@@ -7,6 +7,7 @@ import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, get_args
@@ -80,9 +81,12 @@ class Alignment(ShortRepr):
     parallel_gripper: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shoulder", as_vector("shoulder", self.shoulder, 3))
-        for name in ("base", "hand"):
-            object.__setattr__(self, name, as_rotation(name, getattr(self, name)))
+        given = {"shoulder": as_vector("shoulder", self.shoulder, 3)}
+        given |= {name: as_rotation(name, getattr(self, name)) for name in ("base", "hand")}
+        for name, value in given.items():
+            array = value.copy()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
         object.__setattr__(self, "length", as_positive("length", self.length, "m"))
         if self.side is not None and self.side not in get_args(Side):
             raise ValueError(f"side must be 'right', 'left' or None, got {self.side!r}")
@@ -407,11 +411,12 @@ def align(robot: Model, **changes: Any) -> Alignment:
             stacklevel=2,
         )
     try:
-        return replace(found, **changes)
+        return replace(found, **changes) if changes else found
     except TypeError as error:
         raise ValueError(f"alignment: {error}") from None
 
 
+@lru_cache(maxsize=32)
 def known_alignment(robot: Model) -> Alignment | None:
     """Return the alignment of a known robot or of a person's arm, by the name of the model."""
     if (person := _of_person(robot)) is not None:
