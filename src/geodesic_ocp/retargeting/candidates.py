@@ -86,12 +86,13 @@ class Candidates(ShortRepr):
         return _chosen(q, errors, allowed, _MOST * _POSE_ROUNDS)
 
 
-def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
+@lru_cache(maxsize=8)
+def first_candidates(waypoints: ArmWaypoints, num_starts: int = _STARTS) -> tuple[Candidates, ...]:
     """Get configurations at each waypoint, from random starts and those of the waypoint before."""
     count, given = waypoints.count + 1, waypoints.start
     rng, middle = np.random.default_rng(0), middle_of_ranges(waypoints.arm)[0]
     lower, upper, _ = search_bounds(waypoints.arm, middle, waypoints.limited)
-    starts = rng.uniform(lower, upper, (count, _STARTS, waypoints.arm.dof))
+    starts = rng.uniform(lower, upper, (count, num_starts, waypoints.arm.dof))
     if waist := [waypoints.arm.joint_names.index(each) for each in waypoints.arm.shared_joints]:
         starts[:, :, waist] = upright(waypoints.arm)[waist]
     starts[:, 0] = middle
@@ -106,7 +107,7 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
         _reached(layer.joined(other), waypoints, number)
         for number, (layer, other) in enumerate(zip(layers, more, strict=True))
     ]
-    return found if given is None else [layers[0], *found[1:]]
+    return tuple(found if given is None else [layers[0], *found[1:]])
 
 
 def _reached(layer: Candidates, waypoints: ArmWaypoints, number: int) -> Candidates:

@@ -54,6 +54,7 @@ _STEPS = 20  # of inverse kinematics, from each of
 _STARTS = 6
 _MOST_POSES = 24  # that are counted
 _CHOSEN = 8  # mountings for which configurations are chosen
+_ROUGHLY, _BEST = 16, 2  # from so many starts; for the best of these, from as many as elsewhere
 _POLISHED = 1
 _TOLERANCE = 1e-6
 _WITHIN = 1e-4  # [m] and [rad]
@@ -253,7 +254,9 @@ class _BaseSearch:
         before = self.mounted(np.zeros(4), False)
         within = bool(np.all(self.lower <= 0.0) and np.all(self.upper >= 0.0))
         tried = [before] if within else []
-        tried += [self.mounted(*each) for each in self._most_within_reach()]
+        roughly = [self.mounted(*each, _ROUGHLY) for each in self._most_within_reach()]
+        for each in sorted(roughly, key=_rank)[:_BEST]:
+            tried.append(self.mounted(each.place, each.mirrored))
         for each in sorted(tried, key=_rank)[:_POLISHED]:
             tried.append(self.mounted(self._polished(each), each.mirrored))
         found = min(tried, key=_rank)
@@ -269,6 +272,8 @@ class _BaseSearch:
     def alignments(self, place: Array, mirrored: bool) -> tuple[Alignment, ...]:
         """Return the alignments of all hands with the robot at a place."""
         default = [mapping.target for mapping in self.pairs[0].mappings]
+        if not (np.any(place) or mirrored):
+            return tuple(default)
         up = np.asarray(default[0].base)
         base = up @ _yawed(-place[3])
         turn, centre = base @ up.T, _centre(default)
@@ -282,12 +287,12 @@ class _BaseSearch:
             found.append(replace(each, base=own, shoulder=shoulder, side=side))
         return tuple(found)
 
-    def mounted(self, place: Array, mirrored: bool) -> _Mounted:
-        """Return the mounting at a place, with the best configurations."""
+    def mounted(self, place: Array, mirrored: bool, *num_starts: int) -> _Mounted:
+        """Return the mounting at a place, with the best configurations from so many starts."""
         arms = self._waypoints(self.alignments(place, mirrored))
         q, reached, cost = list[Array](), 0, 0.0
         for arm, weights in zip(arms, self._weights, strict=True):
-            layers = first_candidates(arm)
+            layers = first_candidates(arm, *num_starts)
             found = best_candidates(arm, weights, layers)
             reached += sum(attained(arm, layers, self._lacks))
             cost += found.cost
@@ -427,6 +432,8 @@ def _mappings(pair: PairedArm, alignments: Sequence[Alignment]) -> tuple[PoseMap
 
 def _at(pair: PairedArm, alignments: Sequence[Alignment]) -> PairedArm:
     """Return the pair with other alignments of the robot's hands."""
+    if tuple(alignments) == tuple(each.target for each in pair.mappings):
+        return pair
     moved = replace(pair, mappings=_mappings(pair, alignments))
     return replace(moved, target_poses=moved.mapping(pair.analysis.motion.q))
 

@@ -239,7 +239,7 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
     found = []
     for each in (pair, pair.turned) if turns else (pair,):
         waypoints = arm_waypoints(each, tolerance)
-        found.append((each, waypoints, tuple(first_candidates(waypoints))))
+        found.append((each, waypoints, first_candidates(waypoints)))
     if not turns:
         return found
     weights = graph_weights(*found[0][1:], pair.settings)

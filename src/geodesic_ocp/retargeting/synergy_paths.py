@@ -181,7 +181,7 @@ class SynergyPaths(ShortRepr, Problem):
         up last, in the better one of both.
         """
         edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in self.arms]))
-        layers = self.candidates or tuple(tuple(first_candidates(arm)) for arm in self.arms)
+        layers = self.candidates or tuple(map(first_candidates, self.arms))
         action = sum(least_action(arm, each) for arm, each in zip(self.arms, layers, strict=True))
         unit = action if action > AT_REST else 1.0
         weights = ObjectiveWeights(

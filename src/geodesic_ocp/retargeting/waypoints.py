@@ -243,6 +243,7 @@ class ArmWaypoints(ShortRepr):
         return found
 
 
+@lru_cache(maxsize=8)
 def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
     """Return the waypoints of a person's motion on a robot, of all its hands.
 
