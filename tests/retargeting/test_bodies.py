@@ -13,7 +13,7 @@ from small_retargeting import small_analysis
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.limits import joint_limits
-from geodesic_ocp.ocp.pose_search import pose_terms, search_each
+from geodesic_ocp.ocp.pose_search import search_each, step_terms
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 
 HANDS = ("right hand", "left hand")
@@ -69,7 +69,7 @@ def test_one_configuration_has_the_poses_of_both_hands() -> None:
         q = rng.uniform(-1.0, 1.0, body.dof)
         rotation, position = body.stacked_poses(HANDS, q)
         near = q + rng.normal(0.0, 0.1, body.dof)
-        terms = pose_terms(body, tuple(range(12)), HANDS)
+        terms = step_terms(body, tuple(range(12)), HANDS)
         p = np.concatenate([position, rotation.ravel(order="F"), np.eye(3).ravel()])
         bounds = body.lower, body.upper
         (found,), errors = search_each(terms, p[None], near[None, None], bounds, np.ones(12))

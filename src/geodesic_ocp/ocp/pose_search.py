@@ -41,6 +41,7 @@ _FAR, _EXACT_EACH = 0.1, 1e-11  # pose errors [m] and [rad]
 _DAMPING, _LEAST_DAMPING = 0.05, 1e-12  # of the squared error
 _LONGEST = 0.7  # step [rad or m]
 _SETTLED = 1e-2  # step [rad or m] along the configurations with the pose
+_FREED = 3  # times that a step is computed, if joints would leave their range
 _STUCK = 1e-2  # step relative to the pose error of a search that ends away from the pose
 _SLIDE = 0.7  # of the way to the nearest configuration, as the pose's curvature is ignored
 
@@ -98,7 +99,7 @@ def search_simultaneously(
 
 def search_each(
     terms: Terms,
-    p: Array,
+    poses: Array,
     starts: Array,
     bounds: tuple[Array, Array],
     weights: Array,
@@ -111,8 +112,8 @@ def search_each(
     Away from the poses they are those of local minima.
 
     Args:
-        terms: pose errors, see `pose_terms`.
-        p: their parameters for each pose (k, .).
+        terms: pose errors and steps, see `step_terms`.
+        poses: parameters of the errors for each pose (k, .), see `pose_terms`.
         starts: configurations (k, m, n) to search from.
         bounds: lower and upper (n,).
         weights: weights of the rows, in the search.
@@ -124,9 +125,10 @@ def search_each(
     target = np.repeat(np.arange(count), each)
     best = q = np.clip(starts.reshape(-1, n), *bounds)
     found, least = np.full((len(q), weights.size), np.inf), np.full(len(q), np.inf)
-    active = np.arange(len(q))
+    active, given = np.arange(len(q)), np.concatenate([weights, *bounds])
     for number in range(steps + 1):
-        errors, jacobians = terms.jacobians(q, p[target[active]])
+        p = np.hstack([poses[target[active]], np.tile(given, (len(q), 1))])
+        errors, step = np.split(terms.at("value", q, p)[1], [weights.size], axis=1)
         weighted = weights * errors
         square = (weighted * weighted).sum(axis=1)
         better = square < least[active]
@@ -140,14 +142,11 @@ def search_each(
             going &= ~reached[target[active]]
         elif number >= _PATIENCE:
             going &= largest <= _FAR
-        step, _ = pose_steps(
-            q[going], weighted[going], weights[:, None] * jacobians[going], None, *bounds
-        )
-        moves = np.abs(step).max(axis=1, initial=0.0) > _STUCK * largest[going]
-        active, step = active[going][moves], step[moves]
+        going &= np.abs(step).max(axis=1, initial=0.0) > _STUCK * largest
+        active = active[going]
         if not len(active):
             break
-        q = np.clip(q[going][moves] + step, *bounds)
+        q = np.clip(q[going] + step[going], *bounds)
     return best.reshape(starts.shape), found.reshape(count, each, -1)
 
 
@@ -166,7 +165,7 @@ def pose_steps(
     """
     free = np.ones_like(q, dtype=bool)
     step, slide = _free_steps(q, errors, jacobians, near, free, settled)
-    for _ in range(2):  # joints that would leave their range stay at its end
+    for _ in range(_FREED - 1):  # joints that would leave their range stay at its end
         pushed = free & (((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0)))
         rows = np.flatnonzero(pushed.any(axis=1))
         if not rows.size:
@@ -556,17 +555,47 @@ def pose_terms(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> T
     The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
     which it approaches as the error vanishes, and which changes its length in the same way.
     """
-    n, size = model.dof, 12 * len(hands)
-    q, p = ca.SX.sym("q", n), ca.SX.sym("p", size + 9)
-    every = ca.vertcat(ca.SX.zeros(n), p, ca.SX.zeros(1 + len(rows)))
+    q, p = ca.SX.sym("q", model.dof), ca.SX.sym("p", 12 * len(hands) + 9)
+    return Terms(q, p, 0.0, *_errors_and_slopes(model, rows, hands, q, p), lasting=True)
+
+
+def _errors_and_slopes(
+    model: Model, rows: tuple[int, ...], hands: tuple[str, ...], q: ca.SX, p: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    every = ca.vertcat(ca.SX.zeros(model.dof), p, ca.SX.zeros(1 + len(rows)))
     errors = _pose_errors(model, rows, hands)(q, every)
-    axes, twists = ca.reshape(p[size:], 3, 3), []
+    axes, twists = ca.reshape(p[12 * len(hands) :], 3, 3), []
     jacobians = ca.vertsplit(model.stacked_jacobians(hands, q), 6)
     for hand, jacobian in zip(hands, jacobians, strict=True):
         rotation, _ = model.frame_pose(hand, q)
         twists += [axes.T @ jacobian[:3, :], rotation.T @ jacobian[3:, :]]
-    slopes = ca.densify(ca.vertcat(*twists)[list(rows), :])
-    return Terms(q, p, 0.0, errors, slopes, lasting=True)
+    return errors, ca.densify(ca.vertcat(*twists)[list(rows), :])
+
+
+@lru_cache(maxsize=32)
+def step_terms(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> Terms:
+    """Return pose errors (m,) and steps (n,) of `search_each`; p: that of `pose_terms`, weights of
+    the rows, lower and upper bounds.
+
+    The steps are those of `pose_steps` that come near to no other configuration.
+    """
+    n, count, size = model.dof, len(rows), 12 * len(hands) + 9
+    q, p = ca.SX.sym("q", n), ca.SX.sym("p", size + count + 2 * n)
+    pose, weights, lower, upper = ca.vertsplit(
+        p, [0, size, size + count, size + count + n, p.numel()]
+    )
+    errors, slopes = _errors_and_slopes(model, rows, hands, q, pose)
+    weighted, free = weights * errors, ca.SX.ones(n)
+    damping = _DAMPING * ca.sumsqr(weighted) + _LEAST_DAMPING
+    for _ in range(_FREED):
+        jacobian = ca.diag(weights) @ slopes @ ca.diag(free)
+        factors = ca.ldl(jacobian @ jacobian.T + damping * ca.SX.eye(count), False)
+        step = -jacobian.T @ ca.ldl_solve(weighted, *factors)
+        leaves = ca.logic_or(ca.logic_and(q <= lower, step < 0), ca.logic_and(q >= upper, step > 0))
+        free *= 1 - leaves
+    length = ca.norm_2(step)
+    step *= _LONGEST / ca.fmax(length, _LONGEST)
+    return Terms(q, p, 0.0, ca.vertcat(errors, step), lasting=True)
 
 
 @lru_cache(maxsize=32)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.clearance import Clearance, active_rows, is_clear
-from geodesic_ocp.ocp.pose_search import pose_terms, search_bounds, search_each
+from geodesic_ocp.ocp.pose_search import search_bounds, search_each, step_terms
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
     gravity_on,
@@ -124,7 +124,7 @@ def candidates_near(waypoints: ArmWaypoints, starts: Array) -> list[Candidates]:
     """Return configurations at all waypoints, each near one of its starts (m + 1, k, n)."""
     arm, weights, free = waypoints.arm, waypoints.row_weights, np.full(waypoints.arm.dof, np.inf)
     bounds = (arm.lower, arm.upper) if waypoints.limited else (-free, free)
-    terms = pose_terms(arm, waypoints.rows, waypoints.hands)
+    terms = step_terms(arm, waypoints.rows, waypoints.hands)
     p = np.array([[*pose.numbers, *np.eye(3).ravel()] for pose in waypoints.poses])
     q, rows = search_each(terms, p, starts, bounds, weights)
     errors = np.abs(weights * rows).max(axis=2)

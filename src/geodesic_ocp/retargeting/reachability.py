@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.cells import Indices
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.pose_search import pose_terms, search_bounds, search_each
+from geodesic_ocp.ocp.pose_search import search_bounds, search_each, step_terms
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.tables import new_table
@@ -163,7 +163,7 @@ def nearest_poses(
     by_columns = turned.transpose(0, 2, 1).reshape(count, 9)
     axes = np.tile(np.eye(3).ravel(), (count, 1))
     p = np.hstack([positions, by_columns, axes])
-    terms, weights = pose_terms(robot, rows, (robot.hand,)), np.ones(len(rows))
+    terms, weights = step_terms(robot, rows, (robot.hand,)), np.ones(len(rows))
     q, errors = search_each(terms, p, starts, search_range(robot), weights, steps, True)
     nearest = np.arange(count), (errors**2).sum(axis=2).argmin(axis=1)
     distances = np.linalg.norm(errors[nearest][:, :3], axis=1)
