@@ -6,7 +6,7 @@ of the straight line, and the time that the joints' speed limits add to it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import NamedTuple
@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.execution.clearance import Clearance, active_rows, is_clear
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import search_bounds, search_each, step_terms
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
@@ -275,13 +277,12 @@ def own_lacks(
     return Lacks(own, slice(first, after))
 
 
-def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> bool:
-    """Return whether links are apart at a configuration (n,), and joints strong enough for it."""
-    still = np.zeros(waypoints.arm.dof)
-    gravity = gravity_on(waypoints.alignment)
+def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> Iterator[bool]:
+    """Yield for configurations (k, n) whether links are apart, and joints strong enough."""
+    still, gravity = np.zeros_like(q), gravity_on(waypoints.alignment)
     held = np.abs(waypoints.arm.inverse_dynamics(q, still, still, gravity))
-    strong = bool(np.all(held <= waypoints.limits.torque))
-    return strong and (lacks is None or lacks.none(q))
+    for strong, each in zip(np.all(held <= waypoints.limits.torque, axis=1), q, strict=True):
+        yield bool(strong) and (lacks is None or lacks.none(each))
 
 
 def attained(
@@ -290,7 +291,7 @@ def attained(
     """Return which poses any of the candidates attains, within what is allowed, with links apart
     and joints strong enough to hold the arm there.
     """
-    return [any(can_hold(waypoints, lacks, q) for q in layer.q[layer.allowed]) for layer in layers]
+    return [any(can_hold(waypoints, lacks, layer.q[layer.allowed])) for layer in layers]
 
 
 @lru_cache(maxsize=8)
@@ -336,7 +337,8 @@ def best_candidates(
     """Return the shortest path through the candidates; see `find_start`."""
     every = np.vstack([layer.q for layer in layers])
     ends = np.cumsum([len(layer.q) for layer in layers])[:-1]
-    matrices = np.split(waypoints.arm.mass_matrix(every), ends)
+    (_, masses), dof = _mass_matrices(waypoints.arm).at("value", every, np.zeros(0)), every.shape[1]
+    matrices = np.split(masses.reshape(-1, dof, dof), ends)
     parameters = [
         waypoints.parameters(number, layer.missed, weights) for number, layer in enumerate(layers)
     ]
@@ -351,6 +353,12 @@ def best_candidates(
     missed = np.array([layer.missed[index] for layer, index in pairs])
     allowed = np.array([layer.allowed[index] for layer, index in pairs])
     return StartConfigurations(q, missed, allowed & (missed > 0.0), cost)
+
+
+@lru_cache(maxsize=16)
+def _mass_matrices(arm: Model) -> Terms:
+    q = ca.SX.sym("q", arm.dof)
+    return Terms(q, constraints=ca.vec(arm.mass_matrix(q)), lasting=True)
 
 
 def _edge_costs(

@@ -332,8 +332,7 @@ class _BaseSearch:
         starts = np.concatenate([q[0, some, None], random[some, : _STARTS - 1]], axis=1)
         q, missed = self._nearest(tried, some, starts, _STEPS)
         reached, held = missed <= _WITHIN, np.zeros(missed.shape, dtype=bool)
-        for which in zip(*np.nonzero(reached), strict=True):
-            held[which] = can_hold(self._default[0], self._lacks, q[which])
+        held[reached] = list(can_hold(self._default[0], self._lacks, q[reached]))
         away = np.minimum(missed, 1.0).sum(axis=1).round(3)
         order = np.lexsort((away, -held.sum(axis=1), -reached.sum(axis=1)))
         return [tried[number] for number in order[:_CHOSEN]]
