@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,28 +10,32 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.ocp.pose_search import PoseSearch, search_simultaneously
+from geodesic_ocp.ocp.pose_search import PoseSearch, pose_steps, search_simultaneously
 
 LOWER, UPPER = np.array([-np.pi, -2.0]), np.array([np.pi, 2.0])
+LIMITS = LOWER, UPPER
 
 
-def two_links(target: Array):  # type: ignore[no-untyped-def]
-    """Errors of the end of two links of one metre, and their Jacobians."""
+def two_links(
+    target: Array, near: Array, bounds: tuple[Array, Array]
+) -> Callable[[Array], tuple[Array, Array, Array]]:
+    """Errors of the end of two links of one metre, and steps that reduce them."""
 
-    def errors(q: Array) -> tuple[Array, Array]:
+    def steps(q: Array) -> tuple[Array, Array, Array]:
         one, both = q[:, 0], q.sum(axis=1)
         end = np.stack([np.cos(one) + np.cos(both), np.sin(one) + np.sin(both)], axis=1)
         by_both = np.stack([-np.sin(both), np.cos(both)], axis=1)
         by_one = np.stack([-np.sin(one), np.cos(one)], axis=1) + by_both
-        return end - target, np.stack([by_one, by_both], axis=2)
+        errors, jacobians = end - target, np.stack([by_one, by_both], axis=2)
+        return errors, *pose_steps(q, errors, jacobians, near, *bounds, 1e-2)
 
-    return errors
+    return steps
 
 
 def test_both_elbow_configurations_are_found(rng: np.random.Generator) -> None:
     starts = rng.uniform(LOWER, UPPER, (10, 2))
     target = np.array([np.sqrt(2.0), 0.0])
-    found = search_simultaneously(two_links(target), starts, starts[0], (LOWER, UPPER), 10)
+    found = search_simultaneously(two_links(target, starts[0], LIMITS), starts, LIMITS, 10)
     attained = found.q[found.errors <= 1e-11]
     assert {round(float(np.sign(q[1]))) for q in attained} == {-1, 1}
     assert_allclose(np.abs(attained[:, 1]), np.pi / 2.0, atol=1e-9)
@@ -40,7 +45,7 @@ def test_bounds_exclude_configurations(rng: np.random.Generator) -> None:
     target = np.array([np.sqrt(2.0), 0.0])
     bounds = np.array([-np.pi, 0.1]), UPPER
     starts = rng.uniform(*bounds, (10, 2))
-    found = search_simultaneously(two_links(target), starts, starts[0], bounds, 10)
+    found = search_simultaneously(two_links(target, starts[0], bounds), starts, bounds, 10)
     attained = found.q[found.errors <= 1e-11]
     assert len(attained)
     assert_allclose(attained, np.tile([-np.pi / 4.0, np.pi / 2.0], (len(attained), 1)), atol=1e-9)
@@ -49,7 +54,7 @@ def test_bounds_exclude_configurations(rng: np.random.Generator) -> None:
 def test_least_error_out_of_reach(rng: np.random.Generator) -> None:
     starts = rng.uniform(LOWER, UPPER, (10, 2))
     target = np.array([3.0, 0.0])
-    found = search_simultaneously(two_links(target), starts, starts[0], (LOWER, UPPER), 10)
+    found = search_simultaneously(two_links(target, starts[0], LIMITS), starts, LIMITS, 10)
     assert len(found.q) == len(starts)
     assert abs(found.errors.min() - 1.0) < 1e-2
 

@@ -22,7 +22,7 @@ from geodesic_ocp.blocks import Terms
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.ocp.conditions import Condition, Group, NodeBounds, stacked
 from geodesic_ocp.ocp.nlp import ProblemDefinition, initial_nodes
-from geodesic_ocp.ocp.pose_search import search_simultaneously
+from geodesic_ocp.ocp.pose_search import pose_steps, search_simultaneously
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -151,10 +151,10 @@ class FreeSpace:
         held = [each for each in c.ends if ca.depends_on(each.expression, own)]
         if any(ca.depends_on(each.expression, others) for each in held):
             return np.zeros((0, fixed.size))
-        pose_errors = _EndErrors(self, own, held)
         limits = self.bounds.lower[side], self.bounds.upper[side]
+        steps = _EndSteps(self, own, held, limits)
         starts = rng.uniform(*box, (_STARTS, fixed.size))
-        found = search_simultaneously(pose_errors, starts, None, limits, 2 * _GOALS, np.inf)
+        found = search_simultaneously(steps, starts, limits, 2 * _GOALS, np.inf)
         q = found.q[found.errors <= _CLEAR]
         q = q[self.excess(q) <= _CLEAR]
         near = self.bounds.ends[-1 - side]
@@ -166,22 +166,27 @@ def _num_steps(start: Array, end: Array) -> int:
     return max(1, int(np.ceil(np.linalg.norm(end - start) / _SPACING)))
 
 
-class _EndErrors:
-    """Errors of the conditions on one end, and its worst violation of a path constraint."""
+class _EndSteps:
+    """Errors of the conditions on one end and its worst violation of a path constraint, and steps
+    within limits that reduce them.
+    """
 
-    def __init__(self, space: FreeSpace, own: ca.SX, held: Sequence[Condition]) -> None:
+    def __init__(
+        self, space: FreeSpace, own: ca.SX, held: Sequence[Condition], limits: tuple[Array, Array]
+    ) -> None:
         c = space.definition.conditions
-        self._space, self._p = space, c.p_values
+        self._space, self._p, self._limits = space, c.p_values, limits
         self._values = np.concatenate([np.zeros(0), *(each.lower for each in held)])
         self._terms = Terms(own, c.p, 0.0, stacked(held))
 
-    def __call__(self, q: Array) -> tuple[Array, Array]:
+    def __call__(self, q: Array) -> tuple[Array, Array, Array]:
         g, jacobians = self._terms.jacobians(q, self._p)
         excess, slopes = self._space.outward(q)
         violated = excess > 0.0
         errors = np.column_stack([g - self._values, np.where(violated, excess, 0.0)])
         slopes = np.where(violated[:, None], slopes, 0.0)[:, None]
-        return errors, np.concatenate([jacobians, slopes], axis=1)
+        jacobians = np.concatenate([jacobians, slopes], axis=1)
+        return errors, *pose_steps(q, errors, jacobians, None, *self._limits)
 
 
 @dataclass(frozen=True, eq=False)

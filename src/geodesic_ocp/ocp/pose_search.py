@@ -32,8 +32,8 @@ from geodesic_ocp.model.distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.model.primitives import Obstacle
 
-# configurations (k, n) -> weighted pose errors (k, m) and their Jacobians (k, m, n)
-PoseErrors: TypeAlias = Callable[[Array], tuple[Array, Array]]
+# configurations (k, n) -> weighted pose errors (k, m), steps (k, n) and slides (k,)
+Steps: TypeAlias = Callable[[Array], tuple[Array, Array, Array]]
 
 _STEPS, _USUAL_STEPS = 40, 24  # the latter if anything has been found
 _PATIENCE = 12  # steps after which starts far from the pose are given up
@@ -55,9 +55,8 @@ class Found:
 
 
 def search_simultaneously(
-    pose_errors: PoseErrors,
+    steps: Steps,
     starts: Array,
-    near: Array | None,
     bounds: tuple[Array, Array],
     enough: int,
     settled: float = _SETTLED,
@@ -65,23 +64,19 @@ def search_simultaneously(
     """Return configurations within bounds whose pose errors vanish, or are least nearby.
 
     Args:
-        pose_errors: pose errors of many configurations.
+        steps: pose errors of many configurations, steps and slides, see `pose_steps`.
         starts: configurations (k, n) to search from.
-        near: configuration (n,) to come near to, in the directions that the pose leaves free; None:
-            each search stays near its start.
         bounds: lower and upper (n,).
         enough: the search ends when so many have attained the pose and no longer move.
         settled: how little they still move [rad or m]; infinite if any configuration will do.
     """
     lower, upper = bounds
-    least = min(settled, _SETTLED)
     q = np.clip(starts, lower, upper)
     done_q: list[Array] = []
     given_up: list[Array] = []
     for number in range(_STEPS):
-        errors, jacobians = pose_errors(q)
+        errors, step, slide = steps(q)
         largest = np.abs(errors).max(axis=1, initial=0.0)
-        step, slide = pose_steps(q, errors, jacobians, near, lower, upper, least)
         done = (largest <= _EXACT_EACH) & (slide <= settled)
         if np.any(done):
             done_q += list(q[done])
@@ -94,7 +89,12 @@ def search_simultaneously(
         if not len(q) or (done_q and number >= _USUAL_STEPS):
             break
     every = np.array([*done_q, *q, *given_up])
-    return Found(every, np.abs(pose_errors(every)[0]).max(axis=1, initial=0.0))
+    return Found(every, np.abs(steps(every)[0]).max(axis=1, initial=0.0))
+
+
+def _split(found: Array, rows: int) -> tuple[Array, Array, Array]:
+    """Return pose errors (k, rows), steps (k, n) and slides (k,) from values of `step_terms`."""
+    return found[:, :rows], found[:, rows:-1], found[:, -1]
 
 
 def search_each(
@@ -113,7 +113,7 @@ def search_each(
 
     Args:
         terms: pose errors and steps, see `step_terms`.
-        poses: parameters of the errors for each pose (k, .), see `pose_terms`.
+        poses: position, rotation by columns and axes, of each pose (k, .).
         starts: configurations (k, m, n) to search from.
         bounds: lower and upper (n,).
         weights: weights of the rows, in the search.
@@ -125,10 +125,10 @@ def search_each(
     target = np.repeat(np.arange(count), each)
     best = q = np.clip(starts.reshape(-1, n), *bounds)
     found, least = np.full((len(q), weights.size), np.inf), np.full(len(q), np.inf)
-    active, given = np.arange(len(q)), np.concatenate([weights, *bounds])
+    active, given = np.arange(len(q)), _given(weights, bounds)
     for number in range(steps + 1):
         p = np.hstack([poses[target[active]], np.tile(given, (len(q), 1))])
-        errors, step = np.split(terms.at("value", q, p)[1], [weights.size], axis=1)
+        errors, step, _ = _split(terms.at("value", q, p)[1], weights.size)
         weighted = weights * errors
         square = (weighted * weighted).sum(axis=1)
         better = square < least[active]
@@ -447,7 +447,15 @@ class PoseSearch:
         The search ends when enough of them move by less than `settled` [rad or m] towards it, or
         when at least some have been found from the most promising starts.
         """
-        pose_errors, bounds = self._weighted_errors(weights), self.bounds
+        terms = step_terms(self.model, self.rows, self.hands)
+        pose = self._parameters(0.0, np.zeros(0))[self.model.dof : -1]
+        given = _given(weights, self.bounds, self.near, min(settled, _SETTLED))
+        p = np.concatenate([pose, given])
+
+        def steps(q: Array) -> tuple[Array, Array, Array]:
+            errors, step, slides = _split(terms.at("value", q, p)[1], weights.size)
+            return weights * errors, step, slides
+
         attained: list[Array] = []
         others: list[tuple[float, Array]] = []
         first_batch = _FIRST if least <= 1 else _MANY
@@ -455,7 +463,7 @@ class PoseSearch:
         for first, last in pairwise(edges):
             batch = np.array(starts[first:last])
             missing = enough - len(attained)
-            ends = search_simultaneously(pose_errors, batch, self.near, bounds, missing, settled)
+            ends = search_simultaneously(steps, batch, self.bounds, missing, settled)
             attained += list(ends.q[ends.errors <= _EXACT])
             others += [*zip(ends.errors.tolist(), ends.q, strict=True)]
             if len(attained) >= least:
@@ -463,18 +471,6 @@ class PoseSearch:
         others.sort(key=lambda pair: pair[0])
         attained.sort(key=lambda q: float(np.linalg.norm(q - self.near)))
         return attained, [q for _, q in others], others[0][0]
-
-    def _weighted_errors(self, weights: Array) -> PoseErrors:
-        """Return weighted pose errors (k, m) and their Jacobians (k, m, n) at q (k, n)."""
-        terms = pose_terms(self.model, self.rows, self.hands)
-        n = self.model.dof
-        p = self._parameters(0.0, np.zeros(0))[n:-1]
-
-        def pose_errors(q: Array) -> tuple[Array, Array]:
-            errors, jacobians = terms.jacobians(q, p)
-            return weights * errors, weights[:, None] * jacobians
-
-        return pose_errors
 
     def is_clear(self, q: Array) -> bool:
         """Return whether the collision bodies keep their distance at a configuration (n,)."""
@@ -547,21 +543,15 @@ def stacked_error(
     return stacked
 
 
-@lru_cache(maxsize=32)
-def pose_terms(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> Terms:
-    """Return pose errors with how they change with the joints; p: position, rotation by columns,
+def _errors_and_slopes(
+    model: Model, rows: tuple[int, ...], hands: tuple[str, ...], q: ca.SX, p: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Return pose errors and how they change with the joints; p: position, rotation by columns,
     axes.
 
     The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
     which it approaches as the error vanishes, and which changes its length in the same way.
     """
-    q, p = ca.SX.sym("q", model.dof), ca.SX.sym("p", 12 * len(hands) + 9)
-    return Terms(q, p, 0.0, *_errors_and_slopes(model, rows, hands, q, p), lasting=True)
-
-
-def _errors_and_slopes(
-    model: Model, rows: tuple[int, ...], hands: tuple[str, ...], q: ca.SX, p: ca.SX
-) -> tuple[ca.SX, ca.SX]:
     every = ca.vertcat(ca.SX.zeros(model.dof), p, ca.SX.zeros(1 + len(rows)))
     errors = _pose_errors(model, rows, hands)(q, every)
     axes, twists = ca.reshape(p[12 * len(hands) :], 3, 3), []
@@ -574,28 +564,41 @@ def _errors_and_slopes(
 
 @lru_cache(maxsize=32)
 def step_terms(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> Terms:
-    """Return pose errors (m,) and steps (n,) of `search_each`; p: that of `pose_terms`, weights of
-    the rows, lower and upper bounds.
+    """Return pose errors (m,), steps (n,) and lengths of their slides, as `pose_steps`.
 
-    The steps are those of `pose_steps` that come near to no other configuration.
+    p: that of `_errors_and_slopes`, then `_given`.
     """
     n, count, size = model.dof, len(rows), 12 * len(hands) + 9
-    q, p = ca.SX.sym("q", n), ca.SX.sym("p", size + count + 2 * n)
-    pose, weights, lower, upper = ca.vertsplit(
-        p, [0, size, size + count, size + count + n, p.numel()]
-    )
+    q, p = ca.SX.sym("q", n), ca.SX.sym("p", size + count + 3 * n + 2)
+    edges = np.cumsum([0, size, count, n, n, n, 1, 1]).tolist()
+    pose, weights, lower, upper, near, share, settled = ca.vertsplit(p, edges)
     errors, slopes = _errors_and_slopes(model, rows, hands, q, pose)
     weighted, free = weights * errors, ca.SX.ones(n)
-    damping = _DAMPING * ca.sumsqr(weighted) + _LEAST_DAMPING
+    square = ca.sumsqr(weighted)
+    damping = (_DAMPING * square + _LEAST_DAMPING) * ca.SX.eye(count)
     for _ in range(_FREED):
-        jacobian = ca.diag(weights) @ slopes @ ca.diag(free)
-        factors = ca.ldl(jacobian @ jacobian.T + damping * ca.SX.eye(count), False)
-        step = -jacobian.T @ ca.ldl_solve(weighted, *factors)
-        leaves = ca.logic_or(ca.logic_and(q <= lower, step < 0), ca.logic_and(q >= upper, step > 0))
+        jacobian, closer = ca.diag(weights) @ slopes @ ca.diag(free), share * (near - q) * free
+        factors = ca.ldl(jacobian @ jacobian.T + damping, False)
+        wanted = ca.horzcat(weighted, jacobian @ closer)
+        corrections = jacobian.T @ ca.ldl_solve(wanted, *factors)
+        slide = ca.if_else(square < _FAR**2, closer - corrections[:, 1], 0.0)
+        slides = ca.norm_2(slide)
+        step = ca.if_else(slides > settled, slide, 0.0) - corrections[:, 0]
+        leaves = ca.logic_or(
+            ca.logic_and(q <= lower, step < 0.0), ca.logic_and(q >= upper, step > 0.0)
+        )
         free *= 1 - leaves
-    length = ca.norm_2(step)
-    step *= _LONGEST / ca.fmax(length, _LONGEST)
-    return Terms(q, p, 0.0, ca.vertcat(errors, step), lasting=True)
+    step *= _LONGEST / ca.fmax(ca.norm_2(step), _LONGEST)
+    return Terms(q, p, 0.0, ca.vertcat(errors, step, slides), lasting=True)
+
+
+def _given(
+    weights: Array, bounds: tuple[Array, Array], near: Array | None = None, settled: float = 0.0
+) -> Array:
+    """Return weights of the rows, lower and upper bounds (n,), and what steps come near to."""
+    share = 0.0 if near is None else _SLIDE
+    near = np.zeros_like(bounds[0]) if near is None else near
+    return np.concatenate([weights, *bounds, near, [share, settled]])
 
 
 @lru_cache(maxsize=32)
