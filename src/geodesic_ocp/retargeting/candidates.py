@@ -20,7 +20,6 @@ from geodesic_ocp.execution.clearance import Clearance, active_rows, is_clear
 from geodesic_ocp.ocp.pose_search import pose_terms, search_bounds, search_each
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
-    gravity_on,
     middle_of_ranges,
     nearest_configurations,
     upright,
@@ -275,11 +274,7 @@ def own_lacks(
 
 def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> bool:
     """Return whether links are apart at a configuration (n,), and joints strong enough for it."""
-    still = np.zeros(waypoints.arm.dof)
-    gravity = gravity_on(waypoints.alignment)
-    held = np.abs(waypoints.arm.inverse_dynamics(q, still, still, gravity))
-    strong = bool(np.all(held <= waypoints.limits.torque))
-    return strong and (lacks is None or lacks.none(q))
+    return waypoints.can_hold(q) and (lacks is None or lacks.none(q))
 
 
 def attained(

@@ -57,19 +57,26 @@ class ObjectiveWeights:
     detour: float
 
 
-# A joint that holds the arm with more than this share of its torque is too weak to move it; cost
-# of the squared excess.
-_SHARE, _WEAK = 0.8, 300.0
+# A joint that holds the arm with more than the first share of its torque is too weak to move it, and
+# one with little more than the second cannot hold it; costs of the squared excess.
+WEAK, TOO_WEAK = (0.8, 300.0), (0.95, 3e4)
 
 
-def weakness(arm: Model, q: ca.SX, torque: Sequence[float], gravity: Array) -> ca.SX:
+def weakness(
+    arm: Model,
+    q: ca.SX,
+    torque: Sequence[float],
+    gravity: Array,
+    costs: Sequence[tuple[float, float]] = (WEAK, TOO_WEAK),
+) -> ca.SX:
     """Return the cost of joints that holding the arm takes much of their limits on torque (n,)."""
     cost = ca.SX(0.0)
     if limited := np.flatnonzero(np.isfinite(torque)).tolist():
         still = ca.SX.zeros(arm.dof)
         held = arm.inverse_dynamics(q, still, still, gravity)
         for joint in limited:
-            cost += _WEAK * ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - _SHARE) ** 2
+            used = ca.fabs(held[joint] / torque[joint])
+            cost += sum(weight * ca.fmax(0.0, used - share) ** 2 for share, weight in costs)
     return cost
 
 
@@ -194,6 +201,15 @@ class ArmWaypoints(ShortRepr):
         bound = self.allowed[number] if self.allowed else (0.0, 0.0)
         distances, angles = self.poses[number].errors(self.arm, q)
         return np.asarray(((distances <= bound[0]) & (angles <= bound[1])).all(axis=1))
+
+    def can_hold(self, q: Array) -> bool:
+        """Return whether joints are strong enough to hold the arm at configurations (..., n)."""
+        still, gravity = np.zeros_like(q), gravity_on(self.alignment)
+        return bool(
+            np.all(
+                np.abs(self.arm.inverse_dynamics(q, still, still, gravity)) <= self.limits.torque
+            )
+        )
 
     @property
     def path_limits(self) -> tuple[Array, Array]:
