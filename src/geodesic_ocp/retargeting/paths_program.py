@@ -185,7 +185,7 @@ class ArmPart:
         return [*found, self.hand_block(first), self.waypoint_block(first, weights)]
 
     def _at_nodes(self, weights: Array) -> Array:
-        """Return the sums at the nodes (size,) of weights in the segments (segments, degree + 1)."""
+        """Return sums at the nodes (size,) of weights in the segments (segments, degree + 1)."""
         found = np.append(weights[:, :-1].ravel(), 0.0)
         found[self.grid.degree :: self.grid.degree] += weights[:, -1]
         return found
@@ -193,6 +193,11 @@ class ArmPart:
     def _places(self, first: int) -> NDArray[np.int64]:
         """Return indices of the variables of every node (size, n)."""
         return first + np.arange(self.size).reshape(-1, self.dof)
+
+    def is_heavy(self, nodes: Array) -> bool:
+        """Return whether joints that can hold the arm at all waypoints cannot in between."""
+        can_hold, ends = self.waypoints.can_hold, [0, *self.last_segments]
+        return can_hold(nodes[self.grid.degree * np.array(ends)]) and not can_hold(nodes)
 
     def hand_block(self, first: int) -> Block:
         """Return costs of the hands' distances and angles from the person's at the nodes, whose sum

@@ -307,7 +307,7 @@ class _Rounds:
             if not iterate.success:
                 return iterate, None
             pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
-            heavy = [part.heavy or not part.waypoints.can_hold(nodes) for part, nodes in pairs]
+            heavy = [part.heavy or part.is_heavy(nodes) for part, nodes in pairs]
             if number + 1 < _ROUNDS and heavy != [part.heavy for part in iterate.parts]:
                 parts = zip(iterate.parts, heavy, strict=True)
                 return iterate, replace(

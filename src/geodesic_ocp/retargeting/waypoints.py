@@ -57,9 +57,10 @@ class ObjectiveWeights:
     detour: float
 
 
-# A joint that holds the arm with more than the first share of its torque is too weak to move it, and
-# one with little more than the second cannot hold it; costs of the squared excess.
-WEAK, TOO_WEAK = (0.8, 300.0), (0.95, 3e4)
+# A joint that holds the arm with more than the first share of its torque is too weak to move it,
+# one with more than the second nearly so to hold it. Costs of the squared excess, linear from some
+# 0.05 on.
+WEAK, TOO_WEAK, _EXCESS = (0.8, 300.0), (0.95, 1e4), 0.05
 
 
 def weakness(
@@ -75,8 +76,9 @@ def weakness(
         still = ca.SX.zeros(arm.dof)
         held = arm.inverse_dynamics(q, still, still, gravity)
         for joint in limited:
-            used = ca.fabs(held[joint] / torque[joint])
-            cost += sum(weight * ca.fmax(0.0, used - share) ** 2 for share, weight in costs)
+            for share, weight in costs:
+                excess = ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - share) / _EXCESS
+                cost += 2.0 * weight * _EXCESS**2 * (ca.sqrt(1.0 + excess**2) - 1.0)
     return cost
 
 
