@@ -146,9 +146,9 @@ def place_base(
     these the one whose configurations cost least, see `BasePlacement.cost`. Poses within reach are
     counted at places that cover the bounds evenly, configurations are chosen at the best of these,
     as `retarget` chooses those from which it starts, and a nonlinear program in place and
-    configurations improves on the best two. Positions are scaled as for the default place; with
-    the scale "fit" that is done afterwards, by `retarget`. Obstacles, which settings place in the
-    frame of the base, move with it.
+    configurations, which keeps links apart, improves on the best one. Positions are scaled as for
+    the default place; with the scale "fit" that is done afterwards, by `retarget`. Obstacles, which
+    settings place in the frame of the base, move with it.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -380,8 +380,8 @@ class _BaseSearch:
         return rotations, positions
 
     def _polished(self, start: _Mounted) -> Array:
-        """Return the place improved by a program in place and configurations, which keeps the
-        distances that are small at its start.
+        """Return the place improved by a program in place and configurations, which keeps links
+        apart.
         """
         n, first = self.robot.dof, 4
         aligned = self.alignments(np.zeros(4), start.mirrored)
