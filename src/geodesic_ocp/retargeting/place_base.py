@@ -414,17 +414,17 @@ class _BaseSearch:
         ]
         given = zip(start.arms, self._weights, start.layers, strict=True)
         q = np.vstack([best_candidates(*each, self._lacks).q for each in given])
-        place, rows = start.place, dict[tuple[int, int], float]()
+        place, kept = start.place, dict[tuple[int, int], float]()
         lower = np.concatenate([self.lower, np.tile(arm.arm.lower, len(q))])
         upper = np.concatenate([self.upper, np.tile(arm.arm.upper, len(q))])
         for number in range(_APART):
             more = self._small_distances(q)
-            if number and more.keys() <= rows.keys():
+            if number and more.keys() <= kept.keys():
                 break
-            rows |= more
-            slack = np.zeros(len(rows))
+            kept |= more
+            slack = np.zeros(len(kept))
             bounds = np.append(lower, slack), np.append(upper, slack + np.inf)
-            program = BlockProgram(first + slack.size, blocks + self._distances(rows, first))
+            program = BlockProgram(first + slack.size, blocks + self._distances(kept, first))
             found = program.solve(np.hstack([place, q.ravel(), slack]), bounds, _IPOPT)
             place, q = found.x[:4], found.x[4:first].reshape(-1, n)
         return np.clip(_rounded(place), self.lower, self.upper)
@@ -449,9 +449,9 @@ class _BaseSearch:
             groups.setdefault(part.function, []).append((columns, part.numbers, least))
         blocks = []
         for function, group in groups.items():
-            columns, numbers, least = map(np.vstack, zip(*group, strict=True))
-            above = np.full(least.shape, np.inf)
-            blocks.append(Block(distance_terms(function), columns, numbers, least, above))
+            columns, numbers, lower = map(np.vstack, zip(*group, strict=True))
+            upper = np.full(lower.shape, np.inf)
+            blocks.append(Block(distance_terms(function), columns, numbers, lower, upper))
         cost = np.full((len(rows), 1), 10.0 * TOO_NEAR)
         linear = Block(linear_terms(), first + np.arange(len(rows))[:, None], cost)
         return [*blocks, linear] if rows else []
