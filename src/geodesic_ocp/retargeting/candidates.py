@@ -22,7 +22,6 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import search_bounds, search_each, step_terms
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
-    gravity_on,
     middle_of_ranges,
     nearest_configurations,
     upright,
@@ -279,9 +278,7 @@ def own_lacks(
 
 def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> Iterator[bool]:
     """Yield for configurations (k, n) whether links are apart, and joints strong enough."""
-    still, gravity = np.zeros_like(q), gravity_on(waypoints.alignment)
-    held = np.abs(waypoints.arm.inverse_dynamics(q, still, still, gravity))
-    for strong, each in zip(np.all(held <= waypoints.limits.torque, axis=1), q, strict=True):
+    for strong, each in zip(waypoints.strong_enough(q), q, strict=True):
         yield bool(strong) and (lacks is None or lacks.none(each))
 
 

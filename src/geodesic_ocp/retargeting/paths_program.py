@@ -35,7 +35,9 @@ from geodesic_ocp.ocp.conditions import NodeBounds
 from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.refinement import halved
 from geodesic_ocp.ocp.transcription import Units
-from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
+from geodesic_ocp.retargeting.arm_alignment import Alignment
+from geodesic_ocp.retargeting.paired_arm import gravity_on
+from geodesic_ocp.retargeting.waypoints import TOO_WEAK, ArmWaypoints, ObjectiveWeights, weakness
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -90,6 +92,7 @@ class ArmPart:
         grid: over the arm's own time from 0 to 1, in which rests are left out.
         last_segments: last segments of the movements, (m,): number of segments up to the end of
             each.
+        heavy: whether weak joints cost along the paths, as they do at the waypoints.
     """
 
     waypoints: ArmWaypoints
@@ -98,6 +101,7 @@ class ArmPart:
     allowed: NDArray[np.bool_]
     grid: Grid
     last_segments: tuple[int, ...]
+    heavy: bool = False
 
     @classmethod
     def evenly(
@@ -174,7 +178,27 @@ class ArmPart:
             )
             found.append(replace(block, lower=lower, upper=upper))
             row = here.stop
+        if self.heavy:  # by the sum, not the mean, of the movements
+            given, shares = self.waypoints, self._at_nodes(self.grid.weights)
+            terms = _weak_joints(given.arm, given.alignment, tuple(given.limits.torque.tolist()))
+            found.append(Block(terms, self._places(first), weights=given.count * shares))
         return [*found, self.hand_block(first), self.waypoint_block(first, weights)]
+
+    def _at_nodes(self, weights: Array) -> Array:
+        """Return sums at the nodes (size,) of weights in the segments (segments, degree + 1)."""
+        found = np.append(weights[:, :-1].ravel(), 0.0)
+        found[self.grid.degree :: self.grid.degree] += weights[:, -1]
+        return found
+
+    def _places(self, first: int) -> NDArray[np.int64]:
+        """Return indices of the variables of every node (size, n)."""
+        return first + np.arange(self.size).reshape(-1, self.dof)
+
+    def is_heavy(self, nodes: Array) -> bool:
+        """Return whether joints that can hold the arm at all waypoints cannot in between."""
+        ends = self.grid.degree * np.array([0, *self.last_segments])
+        strong = self.waypoints.strong_enough(nodes)
+        return bool(np.all(strong[ends]) and not np.all(strong))
 
     def hand_block(self, first: int) -> Block:
         """Return costs of the hands' distances and angles from the person's at the nodes, whose sum
@@ -190,10 +214,8 @@ class ArmPart:
         attained = (self.missed == 0.0) | self.allowed
         movement = np.searchsorted(self.last_segments, np.arange(grid.segments), side="right")
         weights = grid.weights * (attained[:-1] & attained[1:])[movement, None]
-        shares = np.append(weights[:, :-1].ravel(), 0.0)
-        shares[grid.degree :: grid.degree] += weights[:, -1]
-        places = first + self.dof * np.arange(grid.size)[:, None] + np.arange(self.dof)
-        return Block(_off_the_hands(given.arm, given.hands), places, values, weights=_HAND * shares)
+        shares, terms = self._at_nodes(weights), _off_the_hands(given.arm, given.hands)
+        return Block(terms, self._places(first), values, weights=_HAND * shares)
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
         """Return poses and postures at the waypoints.
@@ -283,7 +305,7 @@ _IPOPT: Mapping[str, Any] = {
 }
 # Distances that enter begin far below their bounds.
 _APART: Mapping[str, Any] = {**_IPOPT, "bound_mult_init_method": "mu-based"}
-_TOO_NEAR = 300.0  # weight of a distance below its bound [1/m]
+TOO_NEAR = 300.0  # weight of a distance below its bound [1/m]
 _NEAR: Mapping[str, Any] = {
     **_IPOPT,
     **{"mu_init": 1e-5, "bound_push": 1e-7, "bound_frac": 1e-7},
@@ -339,9 +361,9 @@ class MotionProgram:
         for part, first in zip(self.parts, self.offsets, strict=False):
             blocks += part.blocks(first, self.weights)
         cost = self.weights.stretch * np.diff(self.edges) / self.weights.duration
-        added = np.concatenate([cost, np.full(len(self.rows), _TOO_NEAR)])
+        added = np.concatenate([cost, np.full(len(self.rows), TOO_NEAR)])
         at = np.arange(self.offsets[-2], self.size)
-        blocks.append(Block(_linear(), at[:, None], added[:, None]))
+        blocks.append(Block(linear_terms(), at[:, None], added[:, None]))
         by_nodes, by_time = self._speed_rows
         if rows := by_nodes.shape[0]:
             slack = scipy.sparse.csr_array((rows, len(self.rows)))
@@ -380,7 +402,7 @@ class MotionProgram:
             lower = np.array([[self.rows[row]] for row in group])
             blocks.append(
                 Block(
-                    *(_distance(function), every[np.ravel(places)], np.array(values)),
+                    *(distance_terms(function), every[np.ravel(places)], np.array(values)),
                     *(lower, np.full_like(lower, np.inf)),
                 )
             )
@@ -450,8 +472,15 @@ def _off_the_hands(arm: Model, hands: tuple[str, ...]) -> Terms:
     return Terms(q, p, cost)
 
 
+@lru_cache(maxsize=16)
+def _weak_joints(arm: Model, alignment: Alignment, torque: tuple[float, ...]) -> Terms:
+    """Return the cost of joints that holding the arm takes much of their limits on torque."""
+    q = ca.SX.sym("q", arm.dof)
+    return Terms(q, objective=weakness(arm, q, torque, gravity_on(alignment), [TOO_WEAK]))
+
+
 @lru_cache(maxsize=1)
-def _linear() -> Terms:
+def linear_terms() -> Terms:
     """Return a variable times its weight, in the objective."""
     x, weight = ca.SX.sym("x"), ca.SX.sym("weight")
     return Terms(x, weight, weight * x)
@@ -465,7 +494,7 @@ def _identity() -> Terms:
 
 
 @lru_cache(maxsize=256)
-def _distance(function: ca.Function) -> Terms:
+def distance_terms(function: ca.Function) -> Terms:
     """Return a distance, see `DistancePart`, and its slack."""
     q, *numbers = function.sx_in()
     slack = ca.SX.sym("slack")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
-from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import stacked_error
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.candidates import (
+    Candidates,
     Lacks,
     attained,
     best_candidates,
@@ -36,8 +37,9 @@ from geodesic_ocp.retargeting.paired_arm import (
     upright,
 )
 from geodesic_ocp.retargeting.pairing import paired_arms
+from geodesic_ocp.retargeting.paths_program import TOO_NEAR, distance_terms, linear_terms
 from geodesic_ocp.retargeting.reachability import nearest_of_each, random_starts
-from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
+from geodesic_ocp.retargeting.settings import BEYOND, RetargetingSettings, motion_clearance
 from geodesic_ocp.retargeting.waypoints import (
     ArmWaypoints,
     ObjectiveWeights,
@@ -55,7 +57,9 @@ _STARTS = 6
 _MOST_POSES = 24  # that are counted
 _CHOSEN = 8  # mountings for which configurations are chosen
 _ROUGHLY, _BEST = 16, 2  # from so many starts; for the best of these, from as many as elsewhere
-_POLISHED = 1
+_POLISHED = 3  # times at most that the best one is improved, until all poses are within reach
+_NEAR = 0.02  # [m] above its bound from which on a distance enters the program
+_APART = 4  # programs at most, with more and more distances
 _TOLERANCE = 1e-6
 _WITHIN = 1e-4  # [m] and [rad]
 
@@ -143,9 +147,9 @@ def place_base(
     these the one whose configurations cost least, see `BasePlacement.cost`. Poses within reach are
     counted at places that cover the bounds evenly, configurations are chosen at the best of these,
     as `retarget` chooses those from which it starts, and a nonlinear program in place and
-    configurations improves on the best two. Positions are scaled as for the default place; with
-    the scale "fit" that is done afterwards, by `retarget`. Obstacles, which settings place in the
-    frame of the base, move with it.
+    configurations, which keeps links apart, improves on the best one. Positions are scaled as for
+    the default place; with the scale "fit" that is done afterwards, by `retarget`. Obstacles, which
+    settings place in the frame of the base, move with it.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -221,12 +225,12 @@ def _as_bounds(name: str, given: tuple[float, float]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Mounted:
-    """A mounting, and the configurations chosen for each recording."""
+    """A mounting, and candidates at the waypoints of each recording."""
 
     place: Array  # right, forward, up [m], yaw [rad]
     mirrored: bool
     arms: tuple[ArmWaypoints, ...]
-    q: tuple[Array, ...]
+    layers: tuple[tuple[Candidates, ...], ...]
     reached: int
     cost: float
 
@@ -252,20 +256,25 @@ class _BaseSearch:
     def best(self) -> BasePlacement:
         """Return the best of those that are tried."""
         before = self.mounted(np.zeros(4), False)
+        count = sum(each.count + 1 for each in before.arms)
         within = bool(np.all(self.lower <= 0.0) and np.all(self.upper >= 0.0))
         tried = [before] if within else []
         roughly = [self.mounted(*each, _ROUGHLY) for each in self._most_within_reach()]
         for each in sorted(roughly, key=_rank)[:_BEST]:
             tried.append(self.mounted(each.place, each.mirrored))
-        for each in sorted(tried, key=_rank)[:_POLISHED]:
-            tried.append(self.mounted(self._polished(each), each.mirrored))
+        found = min(tried, key=_rank)
+        for _ in range(_POLISHED):
+            found = self.mounted(self._polished(found), found.mirrored)
+            tried.append(found)
+            if max(each.reached for each in tried) == count:
+                break
         found = min(tried, key=_rank)
         return BasePlacement(
             self.alignments(found.place, found.mirrored),
             found.place[:3],
             float(found.place[3]),
             found.mirrored,
-            sum(each.count + 1 for each in found.arms),
+            count,
             *(found.reached, before.reached, found.cost, before.cost),
         )
 
@@ -288,16 +297,13 @@ class _BaseSearch:
         return tuple(found)
 
     def mounted(self, place: Array, mirrored: bool, *num_starts: int) -> _Mounted:
-        """Return the mounting at a place, with the best configurations from so many starts."""
+        """Return the mounting at a place, with poses within reach and cost, from so many starts."""
         arms = self._waypoints(self.alignments(place, mirrored))
-        q, reached, cost = list[Array](), 0, 0.0
-        for arm, weights in zip(arms, self._weights, strict=True):
-            layers = first_candidates(arm, *num_starts)
-            found = best_candidates(arm, weights, layers)
-            reached += sum(attained(arm, layers, self._lacks))
-            cost += found.cost
-            q.append(found.q)
-        return _Mounted(place, mirrored, arms, tuple(q), reached, cost)
+        layers, reached, cost = tuple(first_candidates(arm, *num_starts) for arm in arms), 0, 0.0
+        for arm, own, weights in zip(arms, layers, self._weights, strict=True):
+            reached += sum(attained(arm, own, self._lacks))
+            cost += best_candidates(arm, weights, own).cost
+        return _Mounted(place, mirrored, arms, layers, reached, cost)
 
     def _waypoints(self, alignments: Sequence[Alignment]) -> tuple[ArmWaypoints, ...]:
         return tuple(arm_waypoints(_at(pair, alignments), _TOLERANCE) for pair in self.pairs)
@@ -378,7 +384,9 @@ class _BaseSearch:
         return rotations, positions
 
     def _polished(self, start: _Mounted) -> Array:
-        """Return the place improved by a program in place and configurations."""
+        """Return the place improved by a program in place and configurations, which keeps links
+        apart.
+        """
         n, first = self.robot.dof, 4
         aligned = self.alignments(np.zeros(4), start.mirrored)
         default = self._waypoints(aligned)
@@ -392,7 +400,7 @@ class _BaseSearch:
                 likeness = 0.0 if arm.offsets is None else weights.likeness / (arm.count + 1)
                 posture = weights.posture / (arm.count + 1)
                 parts = (pose.numbers, centre, base.ravel(order="F"), offset)
-                values.append(np.hstack([*parts, likeness, posture, 1.0 / (arm.count + 1)]))
+                values.append(np.hstack([*parts, likeness, posture, 1.0]))
                 places.append([0, 1, 2, 3, *row])
             for number, duration in enumerate(arm.durations):
                 late = duration * weights.stretch / weights.duration
@@ -408,12 +416,49 @@ class _BaseSearch:
             ),
             Block(_line_terms(arm.arm), np.array(steps), np.array(lines)),
         ]
-        repeated = (first - 4) // n
-        lower = np.concatenate([self.lower, np.tile(arm.arm.lower, repeated)])
-        upper = np.concatenate([self.upper, np.tile(arm.arm.upper, repeated)])
-        x = np.concatenate([start.place, *(each.ravel() for each in start.q)])
-        found = BlockProgram(first, blocks).solve(x, (lower, upper), _IPOPT)
-        return np.clip(_rounded(found.x[:4]), self.lower, self.upper)
+        given = zip(start.arms, self._weights, start.layers, strict=True)
+        q = np.vstack([best_candidates(*each, self._lacks).q for each in given])
+        place, kept = start.place, dict[tuple[int, int], float]()
+        lower = np.concatenate([self.lower, np.tile(arm.arm.lower, len(q))])
+        upper = np.concatenate([self.upper, np.tile(arm.arm.upper, len(q))])
+        for number in range(_APART):
+            more = self._small_distances(q)
+            if number and more.keys() <= kept.keys():
+                break
+            kept |= more
+            slack = np.zeros(len(kept))
+            bounds = np.append(lower, slack), np.append(upper, slack + np.inf)
+            program = BlockProgram(first + slack.size, blocks + self._distances(kept, first))
+            found = program.solve(np.hstack([place, q.ravel(), slack]), bounds, _IPOPT)
+            place, q = found.x[:4], found.x[4:first].reshape(-1, n)
+        return np.clip(_rounded(place), self.lower, self.upper)
+
+    def _small_distances(self, q: Array) -> dict[tuple[int, int], float]:
+        """Return bounds [m] of the distances that are small at configurations (k, n), by the
+        numbers of configuration and distance.
+        """
+        if self.clearance is None:
+            return {}
+        active = active_rows(self.clearance, q, _NEAR)
+        pairs = zip(active.samples.tolist(), active.rows.tolist(), strict=True)
+        return dict(zip(pairs, (active.lower - _NEAR + BEYOND).tolist(), strict=True))
+
+    def _distances(self, rows: Mapping[tuple[int, int], float], first: int) -> list[Block]:
+        """Return the blocks of distances, whose slacks are the variables from `first` on."""
+        groups: dict[ca.Function, list[tuple[Array, Array, float]]] = {}
+        for slack, ((sample, row), least) in enumerate(rows.items(), first):
+            assert self.clearance is not None
+            part = self.clearance.part(row)
+            columns = np.append(4 + self.robot.dof * sample + np.array(part.columns), slack)
+            groups.setdefault(part.function, []).append((columns, part.numbers, least))
+        blocks = []
+        for function, group in groups.items():
+            columns, numbers, lower = map(np.vstack, zip(*group, strict=True))
+            upper = np.full(lower.shape, np.inf)
+            blocks.append(Block(distance_terms(function), columns, numbers, lower, upper))
+        cost = np.full((len(rows), 1), 10.0 * TOO_NEAR)
+        linear = Block(linear_terms(), first + np.arange(len(rows))[:, None], cost)
+        return [*blocks, linear] if rows else []
 
 
 def _centre(alignments: Sequence[Alignment]) -> Array:
@@ -437,8 +482,8 @@ def _at(pair: PairedArm, alignments: Sequence[Alignment]) -> PairedArm:
     return replace(moved, target_poses=moved.mapping(pair.analysis.motion.q))
 
 
-_IPOPT = {"tol": 1e-4, "max_iter": 60}
-_EXACT = 1e5  # weight of squared pose errors [1/m^2], [1/rad^2]
+_IPOPT = {"tol": 1e-4, "max_iter": 200, "mu_init": 1e-2, "bound_mult_init_method": "mu-based"}
+_EXACT = 1e6  # weight of squared pose errors [1/m^2], [1/rad^2]
 
 
 def _rounded(place: Array) -> Array:

@@ -307,6 +307,12 @@ class _Rounds:
             if not iterate.success:
                 return iterate, None
             pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
+            heavy = [part.heavy or part.is_heavy(nodes) for part, nodes in pairs]
+            if number + 1 < _ROUNDS and heavy != [part.heavy for part in iterate.parts]:
+                parts = zip(iterate.parts, heavy, strict=True)
+                return iterate, replace(
+                    iterate, parts=tuple(replace(part, heavy=each) for part, each in parts)
+                )
             coarse = [_coarse(*pair, self.tolerance, resolved) for pair in pairs]
             if not any(np.any(each) for each in coarse):
                 return iterate, None

@@ -57,19 +57,28 @@ class ObjectiveWeights:
     detour: float
 
 
-# A joint that holds the arm with more than this share of its torque is too weak to move it; cost
-# of the squared excess.
-_SHARE, _WEAK = 0.8, 300.0
+# A joint that holds the arm with more than the first share of its torque is too weak to move it,
+# one with more than the second nearly so to hold it. Costs of the squared excess, linear from some
+# 0.05 on.
+WEAK, TOO_WEAK, _EXCESS = (0.8, 300.0), (0.95, 1e4), 0.05
 
 
-def weakness(arm: Model, q: ca.SX, torque: Sequence[float], gravity: Array) -> ca.SX:
+def weakness(
+    arm: Model,
+    q: ca.SX,
+    torque: Sequence[float],
+    gravity: Array,
+    costs: Sequence[tuple[float, float]] = (WEAK, TOO_WEAK),
+) -> ca.SX:
     """Return the cost of joints that holding the arm takes much of their limits on torque (n,)."""
     cost = ca.SX(0.0)
     if limited := np.flatnonzero(np.isfinite(torque)).tolist():
         still = ca.SX.zeros(arm.dof)
         held = arm.inverse_dynamics(q, still, still, gravity)
         for joint in limited:
-            cost += _WEAK * ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - _SHARE) ** 2
+            for share, weight in costs:
+                excess = ca.fmax(0.0, ca.fabs(held[joint] / torque[joint]) - share) / _EXCESS
+                cost += 2.0 * weight * _EXCESS**2 * (ca.sqrt(1.0 + excess**2) - 1.0)
     return cost
 
 
@@ -194,6 +203,12 @@ class ArmWaypoints(ShortRepr):
         bound = self.allowed[number] if self.allowed else (0.0, 0.0)
         distances, angles = self.poses[number].errors(self.arm, q)
         return np.asarray(((distances <= bound[0]) & (angles <= bound[1])).all(axis=1))
+
+    def strong_enough(self, q: Array) -> NDArray[np.bool_]:
+        """Return whether joints can hold the arm at configurations (k, n), (k,)."""
+        still, gravity = np.zeros_like(q), gravity_on(self.alignment)
+        held = np.abs(self.arm.inverse_dynamics(q, still, still, gravity))
+        return np.asarray(np.all(held <= self.limits.torque, axis=1))
 
     @property
     def path_limits(self) -> tuple[Array, Array]:
