@@ -163,7 +163,7 @@ class SymbolicFunctions:
 
     pin: pin.Model
     backend: str
-    _built: dict[tuple[str | int, ...], ca.Function] = field(default_factory=dict, init=False, repr=False)
+    _built: dict[tuple[Any, ...], ca.Function] = field(default_factory=dict, init=False, repr=False)
 
     def value(self, name: str, *options: int, **vectors: Any) -> Any:
         """Return an algorithm of the back end at q (n,), or at q and v; symbolic if they are.
