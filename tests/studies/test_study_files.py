@@ -19,7 +19,7 @@ LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"
 
 
 def test_a_folder_its_files_and_its_rows_give_the_same(tmp_path: Path) -> None:
-    recordings, synergies = drawn(0, 3, 2)
+    recordings, synergies = drawn(0, 2, 1)
     written(tmp_path, recordings, synergies)
     expected = study_of_rows(recordings, synergies)
     files = [tmp_path / "synergies.csv", tmp_path / "recordings.csv"]
