@@ -127,6 +127,7 @@ def test_every_public_function_describes_its_arguments_and_has_an_example(name: 
     assert ">>> " in text
 
 
+@pytest.mark.slow
 def test_commands_have_these_options() -> None:
     """Every command line in the documentation is one that the parser accepts."""
     app = new_app()

@@ -39,6 +39,7 @@ def short_file(tmp_path: Path, bundled_file: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_analyse_prints_a_table_and_writes_files(
     short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -167,6 +167,7 @@ def test_splines_are_twice_continuously_differentiable_and_least() -> None:
             assert sum(piece.action for piece in pieces) > motion.action
 
 
+@pytest.mark.slow
 def test_ipopt_finds_the_same_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     metric, rng = Rotations(), np.random.default_rng(5)
     times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, 3)), axis=0)
@@ -217,16 +218,18 @@ def test_bad_input_is_named(change: dict[str, Any], message: str) -> None:
         motion(0.5, 3)
 
 
-def test_certificates_tell_minima_from_other_stationary_motions() -> None:
+@pytest.mark.parametrize(
+    "metric", [RODS, pytest.param(HUMAN, marks=pytest.mark.slow)], ids=["rods", "arm"]
+)
+def test_certificates_tell_minima_from_other_stationary_motions(metric: go.Metric) -> None:
     rng = np.random.default_rng(7)
-    for metric, tension in ((RODS, 0.0), (HUMAN, 3.0)):
-        points = np.cumsum(rng.uniform(-0.3, 0.3, (3, metric.dim)), axis=0)
-        rest = np.zeros(metric.dim)
-        motion = go.spline(metric, [0.0, 0.3, 0.7], points, v0=rest, tension=tension)
+    times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, metric.dim)), axis=0)
+    for tension in (0.0, 3.0):
+        motion = go.spline(metric, times, points, v0=np.zeros(metric.dim), tension=tension)
         assert motion.certificate.locally_minimizing
         assert motion.certificate.residual < 1e-8
         assert motion.certificate.boundary_residual < 1e-7
-    assert go.spline(go.Euclidean(7), [0.0, 0.3, 0.7], points).certificate.locally_minimizing
+    assert go.spline(go.Euclidean(metric.dim), times, points).certificate.locally_minimizing
 
 
 @pytest.mark.parametrize("length", np.array([0.5, 1.15, 1.9]) * np.pi)
@@ -296,7 +299,9 @@ def test_the_action_is_that_of_the_integrated_motion() -> None:
     assert motion.action == pytest.approx(simpson(squares, x=t) / 2.0, rel=1e-9)
 
 
-@pytest.mark.parametrize("tension", [1e-4, 0.7, 8.0, 120.0])
+@pytest.mark.parametrize(
+    "tension", [1e-4, 0.7, *(pytest.param(k, marks=pytest.mark.slow) for k in (8.0, 120.0))]
+)
 def test_splines_in_tension_of_a_constant_metric(tension: float) -> None:
     """q'''' = tension^2 q'': by the exponentials, with coefficients from the conditions."""
     ends, duration = np.array([[0.3, -1.0], [1.2, 0.4]]), 0.8
