@@ -34,6 +34,7 @@ def test_a_folder_its_files_and_its_rows_give_the_same(tmp_path: Path) -> None:
         alone.synergy_statistics()
 
 
+@pytest.mark.slow
 def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     recordings, synergies = drawn(0, 3, 2)
