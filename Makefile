@@ -16,6 +16,9 @@ PARALLEL ?= --numprocesses auto --dist loadfile
 demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
 	$(BIN)/geodesic-ocp demo
 
+# There is a process for every core: linear algebra in threads would compete with them.
+test test-slow: export OPENBLAS_NUM_THREADS ?= 1
+
 test: $(READY)  ## the test suite, without its slow part
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
 

@@ -74,25 +74,13 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_blocks_run(page: Path) -> None:
-    names = _run(page, [block for block in _blocks(page) if not block.needs_robots])
+    """With the blocks that need descriptions of robots where these are installed."""
+    installed = folder(ROBOTS["panda"].package) is not None
+    names = _run(page, [each for each in _blocks(page) if installed or not each.needs_robots])
     if page == README:
         assert names["path"](1.0) == pytest.approx(np.array(names["goal"]), abs=1e-9)
         assert names["path"].certificate.locally_shortest
         assert names["solution"].stats.success
-
-
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, id=_name(page))
-        for page in PAGES
-        if any(block.needs_robots for block in _blocks(page))
-    ],
-)
-def test_blocks_with_robots_run(page: Path) -> None:
-    if folder(ROBOTS["panda"].package) is None:
-        pytest.skip("needs descriptions of robots (make robots)")
-    _run(page, _blocks(page))
 
 
 def test_readme_is_short() -> None:
@@ -127,6 +115,7 @@ def test_every_public_function_describes_its_arguments_and_has_an_example(name: 
     assert ">>> " in text
 
 
+@pytest.mark.slow
 def test_commands_have_these_options() -> None:
     """Every command line in the documentation is one that the parser accepts."""
     app = new_app()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -42,12 +41,14 @@ LAYERS = [
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 
 
-def statements(block: ast.AST) -> Iterator[ast.AST]:
+def statements(block: ast.AST) -> list[ast.AST]:
     """All statements, those in functions and under TYPE_CHECKING included."""
-    for field in ("body", "orelse", "finalbody", "handlers", "cases"):
-        for each in getattr(block, field, []):
-            yield each
-            yield from statements(each)
+    found = [block]
+    for each in found:  # which grows
+        for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+            inner = getattr(each, field, ())
+            found += inner if isinstance(inner, list) else ()  # not of expressions
+    return found[1:]
 
 
 def imports(nodes: list[ast.AST]) -> list[str]:
@@ -81,7 +82,7 @@ def test_imports_go_down_the_layers_and_each_thing_has_one_place() -> None:
     for name, file in files.items():
         text = file.read_text()
         module = ast.parse(text)
-        nodes = list(statements(module))
+        nodes = statements(module)
         imported = imports(nodes)
         for full in imported:
             package, _, inner = full.partition(".")

@@ -45,6 +45,7 @@ def own(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_problem_is_solved_and_plotted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
     arguments = ["solve", DISC, "--set", "radius=0.4", "--tolerance", "1e-6", "--out", str(out)]

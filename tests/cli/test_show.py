@@ -20,7 +20,8 @@ from geodesic_ocp.cli import show as show_command
 from geodesic_ocp.drawing.scene import Playback
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.meshes import meshes
-from geodesic_ocp.synergies.synergy import read_saved_synergies
+from geodesic_ocp.synergies.synergy import read_saved_synergies, save_synergies
+from geodesic_ocp.tables import save_tables
 
 ROOT = Path(__file__).resolve().parents[2]
 needs_robots = pytest.mark.skipif(
@@ -58,9 +59,13 @@ def refused(show: Show, capsys: pytest.CaptureFixture[str]) -> Refused:
 
 @pytest.fixture(scope="module")
 def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that analyse wrote."""
-    made = tmp_path_factory.mktemp("analysed")
-    small_analysis().save(made)
+    """A folder as analyse writes it, its pictures without content."""
+    made, analysis = tmp_path_factory.mktemp("analysed"), small_analysis()
+    save_tables(made, {"table": analysis.table()})
+    names = analysis.motion.joint_names
+    save_synergies(made / "synergies.json", analysis.synergies, names, analysis.model)
+    (made / "figure.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    (made / "figure.pdf").write_bytes(b"%PDF-1.4\n")
     return made
 
 

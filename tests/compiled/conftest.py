@@ -34,7 +34,8 @@ def tcc(monkeypatch: pytest.MonkeyPatch) -> None:
     choose(monkeypatch, "tcc")
 
 
-@pytest.fixture(params=["tcc", "system"])
+# The system's compiler takes two seconds for the library of a metric.
+@pytest.fixture(params=["tcc", pytest.param("system", marks=pytest.mark.slow)])
 def compiler(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Each of the compilers in turn."""
     choose(monkeypatch, request.param)

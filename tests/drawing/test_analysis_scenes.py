@@ -72,7 +72,7 @@ def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.Analysis)
 
 def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.Analysis) -> None:
     analysis = replace(bundled_analysis)  # which does not know yet
-    stable = analysis.uncertainty(5).stable
+    stable = analysis.uncertainty(2).stable
     _, *spans = analysis_playback(analysis).spans["synergies"]
     assert 0 < stable.sum() < len(stable)
     for span, sure in zip(spans, stable, strict=True):

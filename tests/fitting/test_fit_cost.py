@@ -24,10 +24,10 @@ def planar() -> go.Model:
 
 @pytest.fixture(scope="module")
 def planar_fit(planar: go.Model) -> go.fitting.CostFit:
-    """From 8 motions of least cost, without noise."""
+    """From 5 motions of least cost, without noise."""
     metric = go.KineticEnergy(planar)
     rng = np.random.default_rng(1)
-    recording, segments = optimal_recording(metric, planar, rng, WEIGHTS, count=8)
+    recording, segments = optimal_recording(metric, planar, rng, WEIGHTS, count=5)
     return go.fitting.fit_cost(recording, metric=go.KineticEnergy, segments=[segments])
 
 

@@ -25,7 +25,9 @@ from geodesic_ocp.manifold.motion_kernels import SegmentBasis, second_order
 
 ARM = go.human_arm()
 HUMAN = go.KineticEnergy(ARM.with_armature(default_joint_inertia(ARM)))
+RODS = go.KineticEnergy(planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)))
 TIMES = np.linspace(0.0, 1.0, 21)
+FEW = settings(max_examples=max(2, settings().max_examples // 5))  # of motions of an arm
 
 
 class Rotations(go.Metric):
@@ -114,7 +116,7 @@ def test_cubics_of_rotations_are_lie_quadratics() -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=3)
+@FEW
 def test_cubics_of_an_arm_satisfy_their_equation(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q0 = rng.uniform(ARM.lower, ARM.upper)
@@ -165,6 +167,7 @@ def test_splines_are_twice_continuously_differentiable_and_least() -> None:
             assert sum(piece.action for piece in pieces) > motion.action
 
 
+@pytest.mark.slow
 def test_ipopt_finds_the_same_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     metric, rng = Rotations(), np.random.default_rng(5)
     times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, 3)), axis=0)
@@ -215,15 +218,18 @@ def test_bad_input_is_named(change: dict[str, Any], message: str) -> None:
         motion(0.5, 3)
 
 
-def test_certificates_tell_minima_from_other_stationary_motions() -> None:
+@pytest.mark.parametrize(
+    "metric", [RODS, pytest.param(HUMAN, marks=pytest.mark.slow)], ids=["rods", "arm"]
+)
+def test_certificates_tell_minima_from_other_stationary_motions(metric: go.Metric) -> None:
     rng = np.random.default_rng(7)
-    points = np.cumsum(rng.uniform(-0.3, 0.3, (3, 7)), axis=0)
+    times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, metric.dim)), axis=0)
     for tension in (0.0, 3.0):
-        motion = go.spline(HUMAN, [0.0, 0.3, 0.7], points, v0=np.zeros(7), tension=tension)
+        motion = go.spline(metric, times, points, v0=np.zeros(metric.dim), tension=tension)
         assert motion.certificate.locally_minimizing
         assert motion.certificate.residual < 1e-8
         assert motion.certificate.boundary_residual < 1e-7
-    assert go.spline(go.Euclidean(7), [0.0, 0.3, 0.7], points).certificate.locally_minimizing
+    assert go.spline(go.Euclidean(metric.dim), times, points).certificate.locally_minimizing
 
 
 @pytest.mark.parametrize("length", np.array([0.5, 1.15, 1.9]) * np.pi)
@@ -258,10 +264,9 @@ def test_second_variation_on_a_great_circle(length: float) -> None:
 def test_failures_name_their_cause() -> None:
     with pytest.raises(go.NotConverged, match="near a singularity or a boundary"):
         go.cubic(HalfPlane(), [0.0, -1.0], [1.0, 0.0], [1.0, 2.0], [0.0, 1.0], 1.0)
-    rods = go.KineticEnergy(planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)))
     ends = [0.0] * 2, [60.0] * 2, [0.5] * 2, [-80.0] * 2
     with pytest.raises(go.NotConverged, match="the velocities large"):
-        go.cubic(rods, *ends, 3.0)
+        go.cubic(RODS, *ends, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -287,14 +292,16 @@ def test_motions_without_action_are_minimal() -> None:
 
 def test_the_action_is_that_of_the_integrated_motion() -> None:
     motion = go.cubic(HUMAN, np.zeros(7), 3.0 * np.ones(7), np.full(7, 0.4), -3.0 * np.ones(7), 0.8)
-    t = np.linspace(0.0, 0.8, 4001)
+    t = np.linspace(0.0, 0.8, 1001)
     tensors = np.array([HUMAN.matrix(q) for q in motion(t)])
     torques = motion.torques(t)
     squares = np.sum(torques * np.linalg.solve(tensors, torques[..., None])[..., 0], axis=1)
     assert motion.action == pytest.approx(simpson(squares, x=t) / 2.0, rel=1e-9)
 
 
-@pytest.mark.parametrize("tension", [1e-4, 0.7, 8.0, 120.0])
+@pytest.mark.parametrize(
+    "tension", [1e-4, 0.7, *(pytest.param(k, marks=pytest.mark.slow) for k in (8.0, 120.0))]
+)
 def test_splines_in_tension_of_a_constant_metric(tension: float) -> None:
     """q'''' = tension^2 q'': by the exponentials, with coefficients from the conditions."""
     ends, duration = np.array([[0.3, -1.0], [1.2, 0.4]]), 0.8
@@ -321,7 +328,7 @@ def test_splines_in_tension_of_a_constant_metric(tension: float) -> None:
 
 
 @given(st.floats(0.5, 60.0), st.integers(0, 1000))
-@settings(max_examples=4)
+@FEW
 def test_splines_in_tension_satisfy_their_equation(tension: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     times, points = [0.0, 0.3, 0.7], np.cumsum(rng.uniform(-0.3, 0.3, (3, 7)), axis=0)

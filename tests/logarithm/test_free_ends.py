@@ -58,9 +58,8 @@ def test_bounds_that_are_active_are_named() -> None:
     assert len(found.stationary_times) == 1
 
 
-@pytest.mark.parametrize(
-    "seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 2, 3, 4, 5))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
 def test_cubics_to_poses_of_the_hand(seed: int) -> None:
     """Random reaches: the end velocity is zero, free or given; with and without rotation."""
     rng = np.random.default_rng(seed)

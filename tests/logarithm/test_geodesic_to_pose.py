@@ -41,6 +41,7 @@ def test_the_result_is_a_geodesic_to_the_pose(
     assert "success=True" in repr(result)
 
 
+@pytest.mark.slow
 def test_energy_equals_that_of_reach(
     arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
 ) -> None:

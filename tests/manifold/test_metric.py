@@ -103,7 +103,7 @@ class FromTensor(go.KineticEnergy):
         return self.model.mass_matrix(q)
 
 
-ARMS = ("both arms", "payload")  # of seven joints and more
+SLOW = ("both arms", "payload", "armature", "numbered otherwise")
 
 
 @cache
@@ -122,7 +122,7 @@ def models() -> dict[str, go.Model]:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=[pytest.mark.slow] if n in ARMS else []) for n in models()],
+    [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in models()],
 )
 def test_recursions_and_derivatives_of_the_tensor_agree(
     name: str, rng: np.random.Generator

@@ -165,7 +165,9 @@ def test_iterate_that_is_not_a_number_is_saved(tmp_path: Path) -> None:
 
 
 def test_file_is_standard_json(tmp_path: Path) -> None:
-    solution = go.solve(PlaneAroundDisc(), throw=False, ipopt={"max_iter": 1})
+    around = go.Path.through(go.Euclidean(2), [(-1.0, 0.0), (0.0, 1.0), (1.0, 0.0)])
+    options = {"max_iter": 1}
+    solution = go.solve(PlaneAroundDisc(), guess=around, throw=False, ipopt=options)
     file = solution.save(tmp_path / "solution.json")
     record = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(name))
     assert record["problem"] == "PlaneAroundDisc"

@@ -164,6 +164,7 @@ def test_limits_of_jerk_need_limits_of_acceleration() -> None:
         go.retargeting.LiveRetargeting(PERSON, ROBOT, START, limits=limits)
 
 
+@pytest.mark.slow
 def test_a_parallel_gripper_begins_with_the_nearer_grasp() -> None:
     """The robot rests with a hand that is mounted the wrong way round, and stays there."""
     aligned, q = go.retargeting.align(ROBOT), np.clip(np.full(7, 0.3), PERSON.lower, PERSON.upper)

@@ -19,7 +19,7 @@ LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"
 
 
 def test_a_folder_its_files_and_its_rows_give_the_same(tmp_path: Path) -> None:
-    recordings, synergies = drawn(0, 3, 2)
+    recordings, synergies = drawn(0, 2, 1)
     written(tmp_path, recordings, synergies)
     expected = study_of_rows(recordings, synergies)
     files = [tmp_path / "synergies.csv", tmp_path / "recordings.csv"]
@@ -34,6 +34,7 @@ def test_a_folder_its_files_and_its_rows_give_the_same(tmp_path: Path) -> None:
         alone.synergy_statistics()
 
 
+@pytest.mark.slow
 def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     recordings, synergies = drawn(0, 3, 2)

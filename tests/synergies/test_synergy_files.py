@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import geodesic_ocp as go
 
@@ -45,18 +46,23 @@ def test_tables_in_degrees(bundled_analysis: go.Analysis) -> None:
     assert degrees["hand [m]"].equals(radians["hand [m]"])
 
 
+def peaks_of(figure: Figure) -> list[float]:
+    return [float(each.get_text()[6:]) for each in figure.axes[1].texts]
+
+
 def test_figures_in_degrees(bundled_analysis: go.Analysis) -> None:
     """Labels and ticks, and what is written beside a line that leaves the panel."""
-    radians = bundled_analysis.plot().axes[1]
-    degrees = go.drawing.in_degrees(bundled_analysis.plot()).axes[1]
-    assert degrees.get_ylabel() == radians.get_ylabel().replace("[rad]", "[deg]")
+    figure = bundled_analysis.plot()
+    label, peaks = figure.axes[1].get_ylabel(), peaks_of(figure)
+    degrees = go.drawing.in_degrees(figure).axes[1]
+    assert degrees.get_ylabel() == label.replace("[rad]", "[deg]")
     text = degrees.yaxis.get_major_formatter()
     assert [text(each) for each in np.radians([0.0, 2.0])] == ["0", "2"]
     assert np.degrees(degrees.get_yticks()) == pytest.approx(
         np.degrees(degrees.get_yticks()).round()
     )
-    (peaks, found) = ([float(each.get_text()[6:]) for each in a.texts] for a in (radians, degrees))
-    assert found == pytest.approx(np.degrees(peaks), rel=0.01)
+    assert peaks
+    assert peaks_of(figure) == pytest.approx(np.degrees(peaks), rel=0.01)
 
 
 def test_another_metric_is_noticed(bundled_analysis: go.Analysis, tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ class SymbolicFunctions:
 
     pin: pin.Model
     backend: str
-    _built: dict[str, ca.Function] = field(default_factory=dict, init=False, repr=False)
+    _built: dict[tuple[Any, ...], ca.Function] = field(default_factory=dict, init=False, repr=False)
 
     def value(self, name: str, *options: int, **vectors: Any) -> Any:
         """Return an algorithm of the back end at q (n,), or at q and v; symbolic if they are.
@@ -186,17 +186,11 @@ class SymbolicFunctions:
         return found[0] if len(found) == 1 else tuple(found)
 
     def _function(self, name: str, arguments: Iterable[str], *options: int) -> ca.Function:
-        key = "_".join((name, *map(str, options)))
+        key = (name, *options)
         if key not in self._built:
-            symbols = [ca.SX.sym(each, self._size(each)) for each in arguments]
-            built_in = self.backend == "built-in"
-            algorithms = rigid_body if built_in else _PinocchioCasadi(_pinocchio_casadi())
-            algorithm = getattr(algorithms, "frame_pose" if name == "jacobian" else name)
-            outputs = algorithm(self.pin, *symbols, *options)
-            if name == "jacobian":
-                outputs = _jacobian(*symbols, *outputs)
-            listed = list(outputs) if isinstance(outputs, tuple) else [outputs]
-            self._built[key] = ca.Function(key, symbols, listed)
+            sizes = tuple((each, self._size(each)) for each in arguments)
+            model = _Content(self.pin.saveToString(), self.pin)
+            self._built[key] = _function(model, self.backend, name, sizes, options)
         return self._built[key]
 
     def _size(self, name: str) -> int:
@@ -212,6 +206,33 @@ class SymbolicFunctions:
             wanted = f"(k, {size}) with k = {count}"
             raise ValueError(f"{name} must be finite, of shape {wanted}, got {rows.shape}")
         return rows.T
+
+
+@dataclass(frozen=True)
+class _Content:
+    """A model; those of equal content are equal."""
+
+    text: str
+    pin: pin.Model = field(compare=False, repr=False)
+
+
+@lru_cache(maxsize=256)
+def _function(
+    model: _Content,
+    backend: str,
+    name: str,
+    sizes: tuple[tuple[str, int], ...],
+    options: tuple[int, ...],
+) -> ca.Function:
+    """Build an algorithm; equal models share it, as building takes hundredths of a second."""
+    symbols = [ca.SX.sym(each, size) for each, size in sizes]
+    algorithms = rigid_body if backend == "built-in" else _PinocchioCasadi(_pinocchio_casadi())
+    algorithm = getattr(algorithms, "frame_pose" if name == "jacobian" else name)
+    outputs = algorithm(model.pin, *symbols, *options)
+    if name == "jacobian":
+        outputs = _jacobian(*symbols, *outputs)
+    listed = list(outputs) if isinstance(outputs, tuple) else [outputs]
+    return ca.Function("_".join((name, *map(str, options))), symbols, listed)
 
 
 def _jacobian(q: ca.SX, rotation: ca.SX, position: ca.SX) -> ca.SX:

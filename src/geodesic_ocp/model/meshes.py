@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -88,7 +89,7 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
     only_arms = model.dof == 7 * len(arms) == 7 * len(sides) and not person_trunks(model)
     if not arms or not only_arms or height is None or height > _TALLEST:
         return None
-    person = human_upper_body(height, _mass(arms[0], height))
+    person = _whole(height, _mass(arms[0], height))
     half_width = person_trunks(person)[0].half_width
     rest = {side: _at_rest(model, shoulder_joint(model, arm)) for side, arm in sides.items()}
     turn, width = rest[arms[0].side][0], 1.0
@@ -116,6 +117,12 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
         there = [mesh for mesh in meshes(model) if mesh.link in links]
         parts += [_mirrored(_placed(each, model, (turn, collar)), arms[0].side) for each in there]
     return tuple(parts), turn, collar
+
+
+@lru_cache(maxsize=8)
+def _whole(height: float, mass: float) -> Model:
+    """Return the person, whose meshes are kept as long as the model is."""
+    return human_upper_body(height, mass)
 
 
 def _mass(arm: PersonArm, height: float) -> float:
