@@ -12,6 +12,7 @@ from small_retargeting import small_analysis
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli import retarget as retarget_command
+from geodesic_ocp.cli.kinds import retargeting_page
 
 
 @pytest.fixture
@@ -101,11 +102,14 @@ def test_the_exit_code_is_1_without_success(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    file = robot.with_name("reach.npz")
+    folder = robot.with_name("results")
     monkeypatch.setattr(retarget_command, "analyse_file", lambda *_: small_analysis())
     command = ["retarget", "reach.csv", "--robot", str(robot), "--hand", "flange"]
-    command += ["--orientation-weight", "0", "--export", str(file), "--mount", "fixed"]
+    command += ["--orientation-weight", "0", "--out", str(folder), "--mount", "fixed"]
     assert cli.main([*command, *options]) == 1
-    printed = capsys.readouterr().err
-    assert all(reason in printed for reason in reasons)
-    assert go.read_trajectory(file).joint_names[0] == "pan"  # written all the same
+    printed = capsys.readouterr()
+    assert all(reason in printed.err for reason in reasons)
+    file, page = folder / "trajectory.npz", folder / "report.html"  # written all the same
+    assert go.read_trajectory(file).joint_names[0] == "pan"
+    assert "to see person and robot move" in printed.out
+    assert retargeting_page(folder) == page

@@ -299,7 +299,9 @@ def test_the_robot_of_a_trajectory_is_named_beside_it(
     go.synergies.save_synergies(tmp_path / "synergies.json", synergies, robot.joint_names, robot)
     (scene,) = show(tmp_path).scenes
     assert scene.title.startswith("panda")
-    assert "of panda, which is named beside it" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "of panda, which is named beside it" in printed
+    assert "the robot without the person; both are in report.html" in printed
     assert show(tmp_path / "synergies.json").spans
 
 

@@ -6,6 +6,7 @@ import gc
 import weakref
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -144,18 +145,42 @@ def test_parts_of_a_collada_file_have_the_colours_of_their_materials(tmp_path: P
         f"{bound}</technique_common></bind_material></instance_geometry></node></visual_scene>"
         '</library_visual_scenes><scene><instance_visual_scene url="#all"/></scene></COLLADA>'
     )
-    shown = drawn("three", f'<mesh filename="{tmp_path / "two.dae"}"/>').replace(ORIGIN, "")
-    parts = [m for m in meshes(go.load_model(shown, hand="grip")) if m.link == "three"]
-    heights = {mesh.colour: np.unique(mesh.vertices[:, 2].round(6)).tolist() for mesh in parts}
-    assert heights == {(1.0, 0.0, 0.0): [1.0], (0.0, 0.0, 1.0): [0.0]}
+    check_parts(tmp_path / "two.dae")
     painted = drawn("three", f'<mesh filename="{tmp_path / "two.dae"}"/>', material=WHITE)
     parts = [m for m in meshes(go.load_model(painted, hand="grip")) if m.link == "three"]
     assert {mesh.colour for mesh in parts} == {(1.0, 1.0, 1.0)}  # the URDF comes first
-    solid = drawn("three", f'<mesh filename="{tmp_path / "two.dae"}"/>', tag="collision")
+
+
+def check_parts(file: Path) -> None:
+    """A red square is above a blue one, in what is seen and in what collides."""
+    shown = drawn("three", f'<mesh filename="{file}"/>').replace(ORIGIN, "")
+    parts = [m for m in meshes(go.load_model(shown, hand="grip")) if m.link == "three"]
+    heights = {mesh.colour: np.unique(mesh.vertices[:, 2].round(6)).tolist() for mesh in parts}
+    assert heights == {(1.0, 0.0, 0.0): [1.0], (0.0, 0.0, 1.0): [0.0]}
+    solid = drawn("three", f'<mesh filename="{file}"/>', tag="collision")
     solids = {each.link: each for each in link_solids(go.load_model(solid, hand="grip"))}
     ((shape, _),) = solids["three"].shapes  # distances see both parts
     heights = {round(float(shape.vertices()[k][2]), 6) for k in np.unique(triangles_of(shape))}
     assert heights == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("textured", [False, True])
+def test_parts_of_a_wavefront_file_have_the_colours_of_their_materials(
+    textured: bool, tmp_path: Path
+) -> None:
+    corners = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    lines = ["mtllib two.mtl", *(f"v {x} {y} {z}" for x, y, z in corners)]
+    lines += [f"vt {u} 0.5" for u in (0.2, 0.8)]  # left in the picture, and right
+    lines += ["usemtl red", "f 5/1 6/1 7/1 8/1", "usemtl blue", "f 1/2 2/2 3/2 4/2"]
+    (tmp_path / "two.obj").write_text("\n".join(lines))
+    paint = {"red": "Kd 1 0 0", "blue": "Kd 0 0 1"}
+    if textured:
+        pixels = np.repeat(np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]]), 8, axis=1)
+        matplotlib.image.imsave(tmp_path / "two.png", pixels)
+        paint = dict.fromkeys(paint, "map_Kd two.png")
+    text = "".join(f"newmtl {name}\n{line}\n" for name, line in paint.items())
+    (tmp_path / "two.mtl").write_text(text)
+    check_parts(tmp_path / "two.obj")
 
 
 def test_unreadable_visual_geometry_is_replaced_by_capsules() -> None:

@@ -40,7 +40,7 @@ _RECORDS: dict[str, Kind] = {
     RESULT: "result",
 }
 _TRAJECTORY = "trajectory.npz"  # of retarget, beside the same as .csv and .json
-REPORT = "report.html"  # of retarget --report, beside it
+REPORT = "report.html"  # of retarget, beside it
 _ROBOTS = ("robot", "mujoco")  # root elements of URDF and Simox files, and of MJCF
 
 

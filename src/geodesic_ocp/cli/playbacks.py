@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from geodesic_ocp.cli.analyse import analysed
-from geodesic_ocp.cli.kinds import Kind, file_kind, folder_files
+from geodesic_ocp.cli.kinds import REPORT, Kind, file_kind, folder_files
 from geodesic_ocp.cli.options import Flag, RecordingOptions, each_side
 from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.cli.terminal import printed_warnings
@@ -268,7 +268,13 @@ def _found(names: Sequence[str]) -> Iterator[_Found]:
                 print(f"note: {name} is the robot of that name; the folder is ./{name}")
             yield name, "robot"
         elif path.is_dir():
-            yield from ((file, file_kind(file)) for file in folder_files(path))
+            found = [(file, file_kind(file)) for file in folder_files(path)]
+            if found[0][1] == "trajectory":
+                print(
+                    f"note: {name}: the robot without the person; both are in {REPORT}, which "
+                    "retarget --out and go.drawing.report write and show opens by itself"
+                )
+            yield from found
         elif not path.exists():
             if path.suffix and not path.suffix[1:].isdigit():
                 raise RecordingError(f"{name}: there is no such file")

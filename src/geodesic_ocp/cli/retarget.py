@@ -100,8 +100,9 @@ def retarget(
             capsule:x,y,z,x,y,z,radius or half-space:x,y,z,nx,ny,nz (a point and the outward
             normal), in the frame of the robot's base [m, rad]; repeatable.
         rate: sampling rate of the trajectory [Hz]; 1000 for libfranka.
-        report: write a page with animated models; default folder: geodesic_ocp_retarget.
-        out: folder for tables, figures, synergies and the trajectory.
+        report: write to geodesic_ocp_retarget if no --out is given.
+        out: folder for tables, figures, synergies, the trajectory, and a page with person and robot
+            in motion.
         export: file for the trajectory, .csv, .json (ROS 2), .npz, .parquet (LeRobot), .mcap
             (/joint_states) or .rrd (rerun); repeatable.
         settings: file (.toml, .json, .yaml) of any of these options, such as margin = 0.02.
@@ -124,7 +125,7 @@ def retarget(
         print()
     if out is None and report:
         out = Path("geodesic_ocp_retarget")
-    given = analyses, arms, retargeting, joint_limits, payload, rate, out, report, mount
+    given = analyses, arms, retargeting, joint_limits, payload, rate, out, mount
     return _transfer(*given, export or ())
 
 
@@ -156,7 +157,7 @@ def demo(
     save_analysis(analysis, out, settings)
     print()
     transfer = RetargetingSettings(limits=limits, speed_limits=limits)
-    return _transfer([analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, True)
+    return _transfer([analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot)
 
 
 def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]) -> _Arm:
@@ -221,7 +222,6 @@ def _transfer(
     payload: str | None,
     rate: float,
     out: Path | None,
-    with_report: bool,
     mount: Mount | None = None,
     exports: Sequence[Path] = (),
 ) -> int:
@@ -257,10 +257,8 @@ def _transfer(
             names = [f"_{each.side}" for each in placed.alignments if len(placed.alignments) > 1]
             for aligned, name in zip(placed.alignments, names or [""], strict=True):
                 print_written([aligned.save(out / f"alignment{name}.json", notes)])
-        if with_report:
-            print_written([write_report(result, out / REPORT)])
-        seen = "person and robot" if with_report else "the robot"
-        print(f"\nto see {seen} move: geodesic-ocp show {shlex.quote(str(out))}")
+        print_written([write_report(result, out / REPORT)])
+        print(f"\nto see person and robot move: geodesic-ocp show {shlex.quote(str(out))}")
     print_written([result.trajectory.save(each) for each in exports])
     if result.faults:
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"

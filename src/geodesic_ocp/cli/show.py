@@ -47,8 +47,8 @@ def show(
         file: what to show: recordings of joint angles, skeletons or markers; folders that analyse,
             retarget or solve wrote; synergies, trajectories, solutions and alignments; problems
             (.py), which are solved; robots (a file or a name). Several are shown side by side;
-            synergies and their recording, given together, are shown in one pane. Of a folder of
-            retarget --report, its page: person, robot and synergies.
+            synergies and their recording, given together, are shown in one pane. A folder of
+            retarget, alone and without options, is shown by its page: person, robot and synergies.
         out: page (.html), video (.mp4), animation (.gif, .webp) or picture (.png) to write in place
             of opening a browser.
         title: title of the page.

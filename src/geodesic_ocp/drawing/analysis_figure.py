@@ -177,7 +177,7 @@ def draw_error_over_time(
 ) -> None:
     """Draw errors (k,) over time [s] by prediction; spans between cuts are shaded in turn.
 
-    The two with the smallest peaks set the scale; a peak that exceeds it is written.
+    The two with the smallest peaks set the scale; the largest that exceeds it is written above.
     """
     shade_segments(axes, time, segments)
     styles = zip(errors.items(), cycle(COMPARED), strict=False)
@@ -186,11 +186,10 @@ def draw_error_over_time(
         axes.plot(time, error, **{**style, **front}, label=name)
     peaks = [float(np.max(error)) for error in errors.values()]
     top = min(_HEADROOM * sorted(peaks)[:2][-1], 1.05 * max(peaks))
-    for error, peak in zip(errors.values(), peaks, strict=True):
-        if peak > top:
-            at = time[int(np.argmax(error))]
-            note = f"up to {peak:.3g}"
-            axes.text(at, 0.93 * top, note, ha="center", va="top", fontsize="small", color="0.3")
+    if max(peaks) > top:
+        corner: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+        style = {"ha": "right", "fontsize": "small", "color": "0.3"}
+        axes.annotate(f"up to {max(peaks):.3g}", (1.0, 1.0), (0.0, 4.0), **corner, **style)
     axes.set_ylim(0.0, top or 1.0)
     axes.set_ylabel(label)
 

@@ -17,7 +17,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, real_array
-from geodesic_ocp.model.collada import collada_parts
+from geodesic_ocp.model.materials import material_parts
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
 _COINCIDE = 1e-12  # [m]
@@ -283,8 +283,8 @@ def _with_all_parts(given: pin.GeometryObject) -> Any:
     triangles, points = triangles_of(given.geometry), points_of(given.geometry)
     if triangles is None or points is None:
         return given.geometry
-    parts = collada_parts(given.meshPath, triangles, len(points))
-    if len(parts) < 2 or np.array_equal(right := np.concatenate([p for p, _ in parts]), triangles):
+    points, parts = material_parts(given.meshPath, points, triangles, given.meshScale)
+    if len(parts) < 2 or np.array_equal(right := np.concatenate([p for p, *_ in parts]), triangles):
         return given.geometry
     mesh = pin.coal.BVHModelOBBRSS()
     mesh.beginModel(len(right), len(points))

@@ -13,9 +13,9 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.model.collada import collada_parts
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
+from geodesic_ocp.model.materials import material_parts
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, as_capsule
 
@@ -272,14 +272,17 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
     """
     for shape, at_link, link in links.visual():
         points, triangles = _surface(shape.geometry)
-        if np.prod(shape.meshScale) < 0.0:  # a reflection reverses the orientation
-            triangles = triangles[:, ::-1]
+        points, parts = material_parts(shape.meshPath, points, triangles, shape.meshScale)
+        turn = -1 if np.prod(shape.meshScale) < 0.0 else 1  # a reflection reverses the orientation
         red, green, blue = np.clip(np.asarray(shape.meshColor, dtype=float)[:3], 0.0, 1.0).tolist()
-        vertices, triangles = moved((points, triangles), at_link.rotation, at_link.translation)
+        vertices = points @ at_link.rotation.T + at_link.translation
         given = red, green, blue
-        parts = collada_parts(shape.meshPath, triangles, len(points)) or [(triangles, given)]
-        for part, colour in parts:
-            yield Mesh(link, vertices, part, given if shape.overrideMaterial else colour)
+        for part, colour, is_texture in parts:
+            if colour is None or (shape.overrideMaterial and not is_texture):
+                colour = given
+            elif shape.overrideMaterial:
+                colour = colour[0] * red, colour[1] * green, colour[2] * blue
+            yield Mesh(link, vertices, part[:, ::turn], colour)
 
 
 def body_mesh(body: Capsule | Ball | Box) -> Mesh:

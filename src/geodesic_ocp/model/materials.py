@@ -1,36 +1,79 @@
-"""Colours of the materials in Collada files (.dae), which Pinocchio's geometry does not keep."""
+"""Materials of Collada (.dae) and Wavefront (.obj) files, which Pinocchio does not keep."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from geodesic_ocp.arrays import Array
+
 _Colour: TypeAlias = tuple[float, float, float]  # red, green and blue, from 0 to 1
+# Triangles (m, 3), their colour, and whether it is of a texture, which another colour tints.
+_Part: TypeAlias = tuple[NDArray[np.int64], _Colour | None, bool]
+_SHADES = 8  # into which a texture is divided
 _LOST = 0.01  # share of triangles, degenerate ones, that a reader of the file may leave out
 
 
-def collada_parts(
-    file: str, triangles: NDArray[np.int64], count: int
-) -> list[tuple[NDArray[np.int64], _Colour]]:
-    """Return triangles of each material, and its colour, of a mesh that was read from a file.
+def material_parts(
+    file: str, points: Array, triangles: NDArray[np.int64], scale: Array
+) -> tuple[Array, list[_Part]]:
+    """Return vertices (k, 3) of a mesh, and triangles and colour of each material in its file.
 
-    A reader takes the nodes of the scene in order, and in each node the groups of triangles, whose
-    vertices follow each other. coal 3 numbers the vertices of each group of a node from the same
-    one on, which is corrected here. A file with other features, such as textures or references to
-    nodes, has no parts.
+    coal 3 numbers the vertices of each material of an object from the same one on, which is
+    corrected here. A texture becomes a few materials: each triangle has the colour in its middle.
 
     Args:
-        file: its path; only .dae has parts.
-        triangles: indices of vertices (m, 3).
-        count: number of vertices.
+        file: path of the file of the mesh.
+        points: vertices as read, scaled (k, 3) [m].
+        triangles: indices of vertices as read (m, 3).
+        scale: factors along the axes of the file (3,).
     """
-    if Path(file).suffix.lower() != ".dae":
-        return []
+    suffix = Path(file).suffix.lower()
+    if suffix == ".obj" and b"usemtl" in Path(file).read_bytes():
+        return _wavefront(file, scale)
+    parts: list[_Part] = []
+    if suffix == ".dae":
+        parts += [(*each, False) for each in _collada(file, triangles, len(points))]
+    return points, parts or [(triangles, None, False)]
+
+
+def _wavefront(file: str, scale: Array) -> tuple[Array, list[_Part]]:
+    import trimesh
+    from PIL import Image
+
+    parts: list[_Part] = []
+    points = [np.empty((0, 3))]
+    for mesh in trimesh.load_scene(file, process=False).geometry.values():
+        triangles = mesh.faces + sum(map(len, points))
+        points.append(mesh.vertices * scale)
+        material: Any = getattr(mesh.visual, "material", None)
+        if getattr(material, "image", None) is None:
+            colour = None if material is None else tuple((material.main_color[:3] / 255.0).tolist())
+            parts.append((triangles, colour, False))
+            continue
+        seen = material.to_color(mesh.visual.uv[mesh.faces].mean(axis=1))[None, :, :3]
+        few = Image.fromarray(seen).quantize(_SHADES, Image.Quantize.FASTOCTREE)
+        palette = np.reshape(few.getpalette() or (), (-1, 3)) / 255.0
+        (which,) = np.asarray(few)
+        for each in np.unique(which):
+            parts.append((triangles[which == each], tuple(palette[each].tolist()), True))
+    return np.concatenate(points), parts
+
+
+def _collada(
+    file: str, triangles: NDArray[np.int64], count: int
+) -> list[tuple[NDArray[np.int64], _Colour]]:
+    """Return triangles and colour of each material; none for a file with other features, such as
+    textures or references to nodes.
+
+    A reader takes the nodes of the scene in order, and in each node the groups of triangles, whose
+    vertices follow each other.
+    """
     try:
         groups = list(_groups(ET.parse(file).getroot()))
     except (ET.ParseError, OSError, KeyError, ValueError):
