@@ -32,7 +32,7 @@ Found = TypeVar("Found")
 _MANY = 200  # instructions from which on a function is compiled
 # From which on looking for common subexpressions takes longer than the few that there are.
 _LONG = 2000
-_PER_INSTRUCTION = 1e-7  # [s] that a program takes for one in all its evaluations
+_PER_INSTRUCTION = 1e-7  # [s] that a program takes for one in all evaluations of a solve
 
 
 class Terms:
@@ -94,10 +94,20 @@ class Terms:
         is_compiled = self._lasting if name == "value" else name != "interpreted"
         library = self._compiled(name) if is_compiled else None
         if library is not None and (file := library.file):
-            library.used(_PER_INSTRUCTION * count * function.n_instructions())
+            self._uses[name] = library, _PER_INSTRUCTION * count * function.n_instructions()
             with suppress(RuntimeError):  # the file has been removed
                 function = ca.external(name, file)
         return list(function.map(count).call(list(arguments)))
+
+    def report_use(self) -> None:
+        """Report that a program with these functions has been solved."""
+        for library, seconds in self._uses.values():
+            library.used(seconds)
+
+    @cached_property
+    def _uses(self) -> dict[str, tuple[Library, float]]:
+        """Libraries of the functions of the last program, and for how long it uses them [s]."""
+        return {}
 
     def at(self, name: str, z: Array, p: Array) -> list[Array]:
         """Return outputs (k, .) of `value` or `jacobian` at z (k, size) for p (k, .) or (.)."""
@@ -462,7 +472,13 @@ class BlockProgram:
     def solver(self, options: Mapping[str, Any], relay: Relay | None = None) -> Ipopt:
         """Return Ipopt for this program; the relay is called in every iteration."""
         derivatives = {name: self.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
-        return Ipopt(self.functions["nlp"], derivatives, options, relay)
+        every = {part.terms for each in self.blocks for part in (each, each.inner) if part}
+
+        def solved() -> None:
+            for terms in every:
+                terms.report_use()
+
+        return Ipopt(self.functions["nlp"], derivatives, options, relay, solved)
 
     @cached_property
     def functions(self) -> dict[str, ca.Function]:
