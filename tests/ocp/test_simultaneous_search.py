@@ -27,7 +27,7 @@ def two_links(
         by_both = np.stack([-np.sin(both), np.cos(both)], axis=1)
         by_one = np.stack([-np.sin(one), np.cos(one)], axis=1) + by_both
         errors, jacobians = end - target, np.stack([by_one, by_both], axis=2)
-        return errors, *pose_steps(q, errors, jacobians, near, *bounds, 1e-2)
+        return errors, *pose_steps(q, errors, jacobians, bounds, near, 1e-2)
 
     return steps
 

@@ -186,7 +186,7 @@ class _EndSteps:
         errors = np.column_stack([g - self._values, np.where(violated, excess, 0.0)])
         slopes = np.where(violated[:, None], slopes, 0.0)[:, None]
         jacobians = np.concatenate([jacobians, slopes], axis=1)
-        return errors, *pose_steps(q, errors, jacobians, None, *self._limits)
+        return errors, *pose_steps(q, errors, jacobians, self._limits)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import casadi as ca
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import (
     Array,
@@ -41,7 +41,6 @@ _FAR, _EXACT_EACH = 0.1, 1e-11  # pose errors [m] and [rad]
 _DAMPING, _LEAST_DAMPING = 0.05, 1e-12  # of the squared error
 _LONGEST = 0.7  # step [rad or m]
 _SETTLED = 1e-2  # step [rad or m] along the configurations with the pose
-_FREED = 3  # times that a step is computed, if joints would leave their range
 _STUCK = 1e-2  # step relative to the pose error of a search that ends away from the pose
 _SLIDE = 0.7  # of the way to the nearest configuration, as the pose's curvature is ignored
 
@@ -125,7 +124,7 @@ def search_each(
     target = np.repeat(np.arange(count), each)
     best = q = np.clip(starts.reshape(-1, n), *bounds)
     found, least = np.full((len(q), weights.size), np.inf), np.full(len(q), np.inf)
-    active, given = np.arange(len(q)), _given(weights, bounds)
+    active, given = np.arange(len(q)), np.concatenate([weights, _given(bounds)])
     for number in range(steps + 1):
         p = np.hstack([poses[target[active]], np.tile(given, (len(q), 1))])
         errors, step, _ = _split(terms.at("value", q, p)[1], weights.size)
@@ -154,56 +153,55 @@ def pose_steps(
     q: Array,
     errors: Array,
     jacobians: Array,
-    near: Array | None,
-    lower: Array,
-    upper: Array,
+    bounds: tuple[Array, Array],
+    near: Array | None = None,
     settled: float = 0.0,
 ) -> tuple[Array, Array]:
     """Get steps (k, n), and the lengths (k,) of their parts along configurations with one pose.
 
     Parts that are not longer than `settled` are left out, so that pose errors vanish quadratically.
     """
-    free = np.ones_like(q, dtype=bool)
-    step, slide = _free_steps(q, errors, jacobians, near, free, settled)
-    for _ in range(_FREED - 1):  # joints that would leave their range stay at its end
-        pushed = free & (((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0)))
-        rows = np.flatnonzero(pushed.any(axis=1))
-        if not rows.size:
-            break
-        free &= ~pushed
-        step[rows], slide[rows] = _free_steps(
-            q[rows], errors[rows], jacobians[rows], near, free[rows], settled
+    count, _, n = jacobians.shape
+    given = np.tile(_given(bounds, near, settled), (count, 1))
+    p = np.hstack([errors, jacobians.transpose(0, 2, 1).reshape(count, -1), given])
+    found = _steps_from(errors.shape[1], n).at("value", q, p)[1]
+    return found[:, :-1], found[:, -1]
+
+
+@lru_cache(maxsize=32)
+def _steps_from(rows: int, n: int) -> Terms:
+    """Return steps and slides; p: errors, their Jacobian by columns, `_given`."""
+    q, p = ca.SX.sym("q", n), ca.SX.sym("p", rows + rows * n + 3 * n + 2)
+    errors, slopes, given = ca.vertsplit(p, [0, rows, rows + rows * n, p.numel()])
+    return Terms(q, p, 0.0, _step(q, errors, ca.reshape(slopes, rows, n), given))
+
+
+def _step(q: ca.SX, errors: ca.SX, jacobian: ca.SX, given: ca.SX) -> ca.SX:
+    """Return a step (n,) and the length of its slide, from weighted errors and their Jacobian."""
+    n, free, square = q.numel(), ca.SX.ones(q.numel()), ca.sumsqr(errors)
+    lower, upper, near, share, settled = ca.vertsplit(
+        given, [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2]
+    )
+    damping = (_DAMPING * square + _LEAST_DAMPING) * ca.SX.eye(errors.numel())
+    for _ in range(3):  # joints that would leave their range stay at its end
+        own, closer = jacobian @ ca.diag(free), share * (near - q) * free
+        factors = ca.ldl(own @ own.T + damping, False)
+        corrections = own.T @ ca.ldl_solve(ca.horzcat(errors, own @ closer), *factors)
+        slide = ca.if_else(square < _FAR**2, closer - corrections[:, 1], 0.0)
+        length = ca.norm_2(slide)
+        step = ca.if_else(length > settled, slide, 0.0) - corrections[:, 0]
+        leaves = ca.logic_or(
+            ca.logic_and(q <= lower, step < 0.0), ca.logic_and(q >= upper, step > 0.0)
         )
-    return step, slide
+        free *= 1 - leaves
+    return ca.vertcat(step * (_LONGEST / ca.fmax(ca.norm_2(step), _LONGEST)), length)
 
 
-def _free_steps(
-    q: Array,
-    errors: Array,
-    jacobians: Array,
-    near: Array | None,
-    free: NDArray[np.bool_],
-    settled: float,
-) -> tuple[Array, Array]:
-    free_jacobians = jacobians * free[:, None, :]
-    transposed = free_jacobians.transpose(0, 2, 1)
-    square = (errors * errors).sum(axis=1)
-    damping = _DAMPING * square + _LEAST_DAMPING
-    matrices = free_jacobians @ transposed
-    rows = np.arange(errors.shape[1])
-    matrices[:, rows, rows] += damping[:, None]
-    wanted = errors[:, :, None]
-    if near is not None:
-        closer = _SLIDE * (near - q) * free
-        wanted = np.concatenate([wanted, free_jacobians @ closer[:, :, None]], axis=2)
-    corrections = transposed @ np.linalg.solve(matrices, wanted)
-    step, lengths = -corrections[:, :, 0], np.zeros(len(q))
-    if near is not None:
-        slide = np.where((square < _FAR**2)[:, None], closer - corrections[:, :, 1], 0.0)
-        lengths = np.sqrt((slide * slide).sum(axis=1))
-        step += np.where((lengths > settled)[:, None], slide, 0.0)
-    length = np.sqrt((step * step).sum(axis=1))[:, None]
-    return step * (_LONGEST / np.maximum(length, _LONGEST)), lengths
+def _given(bounds: tuple[Array, Array], near: Array | None = None, settled: float = 0.0) -> Array:
+    """Return lower and upper bounds (n,), and what steps come near to."""
+    share = 0.0 if near is None else _SLIDE
+    near = np.zeros_like(bounds[0]) if near is None else near
+    return np.concatenate([*bounds, near, [share, settled]])
 
 
 class CollisionAvoidance(NamedTuple):
@@ -449,8 +447,7 @@ class PoseSearch:
         """
         terms = step_terms(self.model, self.rows, self.hands)
         pose = self._parameters(0.0, np.zeros(0))[self.model.dof : -1]
-        given = _given(weights, self.bounds, self.near, min(settled, _SETTLED))
-        p = np.concatenate([pose, given])
+        p = np.concatenate([pose, weights, _given(self.bounds, self.near, min(settled, _SETTLED))])
 
         def steps(q: Array) -> tuple[Array, Array, Array]:
             errors, step, slides = _split(terms.at("value", q, p)[1], weights.size)
@@ -564,41 +561,16 @@ def _errors_and_slopes(
 
 @lru_cache(maxsize=32)
 def step_terms(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> Terms:
-    """Return pose errors (m,), steps (n,) and lengths of their slides, as `pose_steps`.
+    """Return pose errors (m,), steps (n,) and lengths of their slides, see `pose_steps`.
 
-    p: that of `_errors_and_slopes`, then `_given`.
+    p: that of `_errors_and_slopes`, weights of the rows, `_given`.
     """
     n, count, size = model.dof, len(rows), 12 * len(hands) + 9
     q, p = ca.SX.sym("q", n), ca.SX.sym("p", size + count + 3 * n + 2)
-    edges = np.cumsum([0, size, count, n, n, n, 1, 1]).tolist()
-    pose, weights, lower, upper, near, share, settled = ca.vertsplit(p, edges)
+    pose, weights, given = ca.vertsplit(p, [0, size, size + count, p.numel()])
     errors, slopes = _errors_and_slopes(model, rows, hands, q, pose)
-    weighted, free = weights * errors, ca.SX.ones(n)
-    square = ca.sumsqr(weighted)
-    damping = (_DAMPING * square + _LEAST_DAMPING) * ca.SX.eye(count)
-    for _ in range(_FREED):
-        jacobian, closer = ca.diag(weights) @ slopes @ ca.diag(free), share * (near - q) * free
-        factors = ca.ldl(jacobian @ jacobian.T + damping, False)
-        wanted = ca.horzcat(weighted, jacobian @ closer)
-        corrections = jacobian.T @ ca.ldl_solve(wanted, *factors)
-        slide = ca.if_else(square < _FAR**2, closer - corrections[:, 1], 0.0)
-        slides = ca.norm_2(slide)
-        step = ca.if_else(slides > settled, slide, 0.0) - corrections[:, 0]
-        leaves = ca.logic_or(
-            ca.logic_and(q <= lower, step < 0.0), ca.logic_and(q >= upper, step > 0.0)
-        )
-        free *= 1 - leaves
-    step *= _LONGEST / ca.fmax(ca.norm_2(step), _LONGEST)
-    return Terms(q, p, 0.0, ca.vertcat(errors, step, slides), lasting=True)
-
-
-def _given(
-    weights: Array, bounds: tuple[Array, Array], near: Array | None = None, settled: float = 0.0
-) -> Array:
-    """Return weights of the rows, lower and upper bounds (n,), and what steps come near to."""
-    share = 0.0 if near is None else _SLIDE
-    near = np.zeros_like(bounds[0]) if near is None else near
-    return np.concatenate([weights, *bounds, near, [share, settled]])
+    step = _step(q, weights * errors, ca.diag(weights) @ slopes, given)
+    return Terms(q, p, 0.0, ca.vertcat(errors, step), lasting=True)
 
 
 @lru_cache(maxsize=32)
