@@ -15,7 +15,6 @@ from geodesic_ocp.cli.analyse import analyse_bundled, analyse_file, save_analysi
 from geodesic_ocp.cli.kinds import REPORT
 from geodesic_ocp.cli.options import (
     AnalysisOptions,
-    Flag,
     GivenLimits,
     LimitOptions,
     RetargetingOptions,
@@ -65,7 +64,6 @@ def retarget(
     payload: str | None = None,
     obstacle: list[str] | None = None,
     rate: float = 100.0,
-    report: Flag = False,
     out: Path | None = None,
     export: list[Path] | None = None,
     settings: Path | None = None,
@@ -100,7 +98,6 @@ def retarget(
             capsule:x,y,z,x,y,z,radius or half-space:x,y,z,nx,ny,nz (a point and the outward
             normal), in the frame of the robot's base [m, rad]; repeatable.
         rate: sampling rate of the trajectory [Hz]; 1000 for libfranka.
-        report: write to geodesic_ocp_retarget if no --out is given.
         out: folder for tables, figures, synergies, the trajectory, and a page with person and robot
             in motion.
         export: file for the trajectory, .csv, .json (ROS 2), .npz, .parquet (LeRobot), .mcap
@@ -123,8 +120,6 @@ def retarget(
     for each in sides:
         analyses.append(analyse_file(file, each, analysis))
         print()
-    if out is None and report:
-        out = Path("geodesic_ocp_retarget")
     given = analyses, arms, retargeting, joint_limits, payload, rate, out, mount
     return _transfer(*given, export or ())
 

@@ -276,7 +276,7 @@ def draw_analysis(
         curve(axes)
         if legend := axes.get_legend():
             legend.remove()  # the lines are those of the errors
-        axes.set_title("best cuts (filled: least BIC, hollow: as analysed)", **_TITLE)
+        axes.set_title("best cuts (filled: least BIC, hollow: analysed)", **_TITLE)
 
 
 def _panels(grid: GridSpec, count: int) -> list[SubplotSpec]:

@@ -400,7 +400,7 @@ class _BaseSearch:
                 likeness = 0.0 if arm.offsets is None else weights.likeness / (arm.count + 1)
                 posture = weights.posture / (arm.count + 1)
                 parts = (pose.numbers, centre, base.ravel(order="F"), offset)
-                values.append(np.hstack([*parts, likeness, posture, 1.0]))
+                values.append(np.hstack([*parts, likeness, posture]))
                 places.append([0, 1, 2, 3, *row])
             for number, duration in enumerate(arm.durations):
                 late = duration * weights.stretch / weights.duration
@@ -513,7 +513,7 @@ def _pose_terms(
     the elbow's error; p as in `_polished`.
     """
     count = len(hands)
-    edges = np.cumsum([0, 3 * count, 9 * count, 3, 9, 3, 3]).tolist()
+    edges = np.cumsum([0, 3 * count, 9 * count, 3, 9, 3, 2]).tolist()
     place, q, p = ca.SX.sym("place", 4), ca.SX.sym("q", robot.dof), ca.SX.sym("p", edges[-1])
     positions, rotations, centre, base, offset, weights = ca.vertsplit(p, edges)
     base = ca.reshape(base, 3, 3)
@@ -526,7 +526,7 @@ def _pose_terms(
     error = stacked_error(robot, hands, q, position, rotation, ca.SX.eye(3))[list(rows)]
     middle, half = middle_of_ranges(robot)
     cost = _EXACT * ca.sumsqr(error) / 2.0 + weights[1] * ca.sumsqr((q - middle) / half) / robot.dof
-    cost += weights[2] * weakness(robot, q, torque, gravity_on(alignment))
+    cost += weakness(robot, q, torque, gravity_on(alignment))
     if count == 1 and has_elbow(robot, alignment):
         own = elbow_offset(robot, alignment, q, moved)
         cost += weights[0] * ca.sumsqr(own - turn @ offset)
