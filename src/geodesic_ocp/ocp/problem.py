@@ -103,9 +103,8 @@ def parse_conditions(problem: Any) -> Conditions:
     continuity = [equality("", jump, ca.SX(0, 1)) for jump in jumps]
     for conditions, symbols in ((boundary, at_ends), (along, (q, v)), (sum(via, ()), (q,))):
         for condition in conditions:
-            if condition.instance is not None:
-                continue
-            check_symbols(condition.name, condition.expression, symbols, parameters.symbols)
+            if condition.instance is None and condition.coordinates is None:
+                check_symbols(condition.name, condition.expression, symbols, parameters.symbols)
     names = [c.name for c in (*boundary, *along, *continuity, *(c for each in via for c in each))]
     if len(set(names)) < len(names):
         raise ValueError(f"conditions must have different names, got {', '.join(names)}")
@@ -134,7 +133,7 @@ def check_symbols(
 ) -> None:
     """Raise ValueError if an expression contains others than the given symbols."""
     given = [*symbols, ca.SX(0, 1) if parameters is None else parameters]
-    allowed = {each.element_hash() for one in given for each in one.nz}
+    allowed = {each.element_hash() for one in given for each in one.elements()}
     foreign = [str(each) for each in ca.symvar(expression) if each.element_hash() not in allowed]
     if foreign:
         known = dict.fromkeys(str(each[0]).rpartition("_")[0] or str(each) for each in symbols)
@@ -257,13 +256,11 @@ def _is_first(variables: ca.SX, symbols: ca.SX) -> bool:
 
 def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:
     """Return indices (m,) of the symbols that the rows are, or None if a row is anything else."""
-    index = []
-    known = {symbol.element_hash(): number for number, symbol in enumerate(ca.vertsplit(symbols))}
-    for entry in ca.vertsplit(column):
-        if not entry.is_symbolic() or entry.element_hash() not in known:
-            return None
-        index.append(known[entry.element_hash()])
-    return tuple(index)
+    if not column.is_valid_input():  # a row is no symbol
+        return None
+    known = {symbol.element_hash(): number for number, symbol in enumerate(symbols.elements())}
+    index = [known.get(entry.element_hash(), -1) for entry in column.elements()]
+    return None if -1 in index else tuple(index)
 
 
 NUMBERS = _Parameters(ca.SX(0, 1), np.zeros(0))  # entries without parameters

@@ -95,7 +95,7 @@ class CompiledEnergy(Terms):
                 times = -(-count // lanes)
                 (derivatives,) = self._hessians.map(times).call([ca.horzcat(columns, rest)])
                 derivatives = derivatives[:, :count]
-            return [derivatives[self._entries, :] * ca.repmat(factors, len(self._entries), 1)]
+            return [derivatives[self._entries, :] * (ca.DM.ones(len(self._entries), 1) @ factors)]
         return super().mapped(name, count, arguments)
 
 

@@ -249,23 +249,25 @@ def _at_ends(conditions: Conditions, path: Path) -> Iterator[_Values]:
         ends = {coordinate // n for coordinate in condition.coordinates}
         s = np.array([float(max(ends))]) if len(ends) == 1 else None
         yield condition, nodes[[0, -1]].ravel()[list(condition.coordinates)][:, None], s
-    for condition, (function, s) in zip(c.ends, _end_functions(c), strict=True):
-        yield condition, evaluate(function, *nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values), s
+    if not c.ends:
+        return
+    function, places = _end_function(c)
+    values = evaluate(function, *nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values)
+    parts = np.split(values, np.cumsum([each.size for each in c.ends])[:-1])
+    yield from zip(c.ends, parts, places, strict=True)
 
 
 @lru_cache(maxsize=4)
-def _end_functions(c: Conditions) -> list[tuple[ca.Function, Array | None]]:
-    """Return each condition at the ends as a function of both, and s if it depends on one only."""
-    found = []
+def _end_function(c: Conditions) -> tuple[ca.Function, list[Array | None]]:
+    """Return all conditions at the ends as a function of both, and s of those on one end only."""
+    places = []
     for condition in c.ends:
         first, last = (
             ca.depends_on(condition.expression, ca.vertcat(*pair))
             for pair in ((c.q0, c.v0), (c.q1, c.v1))
         )
-        symbols = [c.q0, c.q1, c.v0, c.v1, c.p]
-        function = ca.Function("condition", symbols, [condition.expression])
-        found.append((function, None if first == last else np.array([float(last)])))
-    return found
+        places.append(None if first == last else np.array([float(last)]))
+    return ca.Function("ends", [c.q0, c.q1, c.v0, c.v1, c.p], [stacked(c.ends)]), places
 
 
 def _at_via(conditions: Conditions, path: Path) -> Iterator[_Values]:

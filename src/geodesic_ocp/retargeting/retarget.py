@@ -59,7 +59,9 @@ _RATE = 100.0  # [Hz]
 # Where holding the arm takes much of a joint's torque, it gets this many times as much as that, up
 # to its limit.
 _MOVING = 1.5
-_WORTH = 0.95  # of the cost, from which a turned gripper is tried
+# Ratio of the costs through candidates, turned gripper to that of the person: up to the first the
+# turned one is taken, above the second that of the person; between them the paths of both decide.
+_TURNED, _NOT_TURNED = 0.85, 0.95
 _SLOW, _SLOWEST = 1.5, 2.5  # times the person's time, of the motion and of a synergy: too slow
 
 
@@ -228,11 +230,11 @@ _Grasp: TypeAlias = tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]
 
 
 def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
-    """Return the arm, its waypoints and candidates there; also with its parallel gripper turned by
-    180 degrees, if the shortest path through the candidates then costs less by a twentieth.
+    """Return the arm, its waypoints and candidates there, with its parallel gripper as the person's
+    hand or turned by 180 degrees; both, if the shortest paths through the candidates cost nearly
+    the same.
 
-    It is turned in all poses, as what it holds turns with it. Which grasp is taken, the paths of
-    both decide.
+    It is turned in all poses, as what it holds turns with it.
     """
     turns = pair.mapping.target.parallel_gripper and len(pair.mappings) == 1
     turns &= pair.settings.orientation_weight > 0.0
@@ -244,7 +246,8 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
         return found
     weights = graph_weights(*found[0][1:], pair.settings)
     costs = [find_start(waypoints, weights, layers, None).cost for _, waypoints, layers in found]
-    return found if costs[1] < _WORTH * costs[0] else found[:1]
+    first, last = costs[1] <= _TURNED * costs[0], 1 + (costs[1] < _NOT_TURNED * costs[0])
+    return found[first:last]
 
 
 @dataclass(frozen=True, eq=False)
