@@ -121,7 +121,7 @@ class ArmCheck:
 # it is exceeded elsewhere.
 _NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
 _NEAR_SAMPLED, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
-_FAST = 0.25  # share of the hand's speed from which on it is minded at first
+_FAST = 0.5  # share of the hand's speed from which on it is minded at first; in most pieces: in all
 _MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
 _NONE: Indices = np.zeros(0, dtype=np.int64)
 
@@ -138,9 +138,12 @@ def watched_at_first(program: TrajectoryProgram, states: KnotStates) -> Watched:
     for terms, (q, v, _) in zip(program.terms, states.arms, strict=True):
         slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
         least, sampled = _FAST * terms.arm.limits.hand_speed, {}
-        if np.isfinite(least) and hand_speeds(terms.arm.robot, q, v).max() > least:
-            pieces = len(q) - 1
-            sampled["hand_speed"] = np.arange(pieces), np.full((pieces, 1), 1.0 - INSIDE)
+        if np.isfinite(least):
+            fast = hand_speeds(terms.arm.robot, q, v) > least
+            (pieces,) = np.nonzero(fast[:-1] | fast[1:])
+            pieces = np.arange(len(q) - 1) if 2 * pieces.size > len(q) - 1 else pieces
+            if pieces.size:
+                sampled["hand_speed"] = pieces, np.full((len(q) - 1, 1), 1.0 - INSIDE)
         arms.append(WatchedArm({"jerk": slow} if slow.size else {}, sampled))
     lower = np.where(program.fixed_knots[:, None], -np.inf, program.clearance.lower)
     return Watched(tuple(arms), {}, lower)
