@@ -239,13 +239,14 @@ class StartConfigurations(NamedTuple):
     cost: float
 
 
-def least_action(waypoints: ArmWaypoints, layers: Sequence[Candidates]) -> float:
+@lru_cache(maxsize=8)
+def least_action(waypoints: ArmWaypoints, layers: tuple[Candidates, ...]) -> float:
     """Return action [J s] of the straight lines between those candidates for which it is least."""
     return best_candidates(waypoints, ObjectiveWeights(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
 
 
 def graph_weights(
-    waypoints: ArmWaypoints, layers: Sequence[Candidates], settings: RetargetingSettings
+    waypoints: ArmWaypoints, layers: tuple[Candidates, ...], settings: RetargetingSettings
 ) -> ObjectiveWeights:
     """Return the weights of the objective for one arm by itself, in units of its least action."""
     action = least_action(waypoints, layers)
@@ -375,6 +376,8 @@ def _edge_costs(
     needed = (np.abs(change) / (waypoints.speed[number] * duration)).max(axis=2)
     late = duration * np.maximum(0.0, needed - 1.0)
     found = action / weights.action + weights.stretch * late / weights.duration
+    if not weights.detour:
+        return np.asarray(found)
     middle = ((here[:, None, :] + there[None, :, :]) / 2.0).reshape(-1, here.shape[1])
     detours = off_the_way(waypoints, number, middle).reshape(len(here), len(there))
     return np.asarray(found + weights.detour * detours)

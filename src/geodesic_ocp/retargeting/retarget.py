@@ -244,8 +244,10 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
         found.append((each, waypoints, first_candidates(waypoints)))
     if not turns:
         return found
-    weights = graph_weights(*found[0][1:], pair.settings)
-    costs = [find_start(waypoints, weights, layers, None).cost for _, waypoints, layers in found]
+    costs = [
+        find_start(waypoints, graph_weights(waypoints, layers, pair.settings), layers, None).cost
+        for _, waypoints, layers in found
+    ]
     first, last = costs[1] <= _TURNED * costs[0], 1 + (costs[1] < _NOT_TURNED * costs[0])
     return found[first:last]
 
