@@ -176,15 +176,15 @@ def has_elbow(model: Model, alignment: Alignment) -> bool:
 def elbow_offset(model: Model, alignment: Alignment, q: Any, shoulder: Any = None) -> ca.SX:
     """Return offset (3, 1) of the elbow in the axes of the base, in lengths of the arm.
 
-    The shoulder is that of the alignment, carried by the waist of a body, unless its position (3,)
-    is given.
+    The shoulder is that of the alignment unless its position (3,) is given, carried by the waist of
+    a body.
     """
     if shoulder is None:
         shoulder = ca.DM(np.asarray(alignment.shoulder))
-        if model.shared_joints:
-            place = model.frame_pose(model.shared_joints[-1], upright(model))[1]
-            _, moved = model.frame_pose(model.shared_joints[-1], q)
-            shoulder = moved + waist_turn(model, q) @ (shoulder - place)
+    if model.shared_joints:
+        place = model.frame_pose(model.shared_joints[-1], upright(model))[1]
+        _, moved = model.frame_pose(model.shared_joints[-1], q)
+        shoulder = moved + waist_turn(model, q) @ (shoulder - place)
     _, elbow = model.frame_pose(str(alignment.elbow), q)
     _, wrist = model.frame_pose(str(alignment.wrist), q)
     upper, whole = elbow - shoulder, wrist - shoulder

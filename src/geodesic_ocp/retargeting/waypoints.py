@@ -67,7 +67,7 @@ def weakness(
     arm: Model,
     q: ca.SX,
     torque: Sequence[float],
-    gravity: Array,
+    gravity: Array | ca.SX,
     costs: Sequence[tuple[float, float]] = (WEAK, TOO_WEAK),
 ) -> ca.SX:
     """Return the cost of joints that holding the arm takes much of their limits on torque (n,)."""
@@ -86,29 +86,33 @@ def weakness(
 def _waypoint_terms(
     arm: Model,
     hands: tuple[str, ...],
-    alignments: tuple[Alignment, ...],
+    elbows: tuple[tuple[float, None, str | None, str | None], ...],
     rows: tuple[int, ...],
     torque: tuple[float, ...],
 ) -> Terms:
     """Return costs of an arm, these rows of the pose errors, and the squared distance and angle of
-    each hand, for limits on torque (n,).
+    each hand, for limits on torque (n,), wherever the arm is mounted.
+
+    Of each arm `elbows` has length, side, elbow and wrist, see `Alignment`.
     """
     count = len(hands)
-    edges = np.cumsum([0, *np.array([3, 9, 6, 3]) * count, 9, 3]).tolist()  # see `parameters`
+    edges = np.cumsum([0, *np.array([3, 9, 6, 3, 3]) * count, 9, 3, 3]).tolist()  # see `parameters`
     q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", edges[-1])
-    position, rotation, missed, offset, turn, weights = ca.vertsplit(p, edges)
+    position, rotation, missed, offset, shoulder, turn, gravity, weights = ca.vertsplit(p, edges)
     rotation = ca.reshape(rotation, 3 * count, 3)
     error = stacked_error(arm, hands, q, position, rotation, ca.SX.eye(3))
     middle, half = middle_of_ranges(arm)
     cost = ca.dot(missed, error**2) + weights[0] * ca.sumsqr((q - middle) / half) / arm.dof
-    for number, alignment in enumerate(alignments):
+    for number, elbow in enumerate(elbows):
+        alignment = Alignment(np.zeros(3), np.eye(3), np.eye(3), *elbow)
         if has_elbow(arm, alignment):
-            off = elbow_offset(arm, alignment, q) - offset[3 * number : 3 * number + 3]
+            own = slice(3 * number, 3 * number + 3)
+            off = elbow_offset(arm, alignment, q, shoulder[own]) - offset[own]
             cost += weights[1] / count * ca.sumsqr(off)
     if arm.shared_joints:
         beside = ca.reshape(turn, 3, 3).T @ waist_turn(arm, q)
         cost += weights[2] * ca.sumsqr(rotation_log(beside))
-    cost += weakness(arm, q, torque, gravity_on(alignments[0]))
+    cost += weakness(arm, q, torque, gravity)
     # Of poses that may be missed, distance and angle are bounded, by their squares.
     squares = [ca.sumsqr(each) for each in ca.vertsplit(error, 3)]
     return Terms(q, p, cost, ca.vertcat(error[list(rows)], *squares))
@@ -231,8 +235,12 @@ class ArmWaypoints(ShortRepr):
     def terms(self) -> Terms:
         """Costs and pose errors of the configurations at the waypoints."""
         torque = tuple(self.limits.torque.tolist())
-        alignments = (self.alignment, *self.others)
-        return _waypoint_terms(self.arm, self.hands, alignments, self.rows, torque)
+        elbows = tuple((each.length, None, each.elbow, each.wrist) for each in self._alignments)
+        return _waypoint_terms(self.arm, self.hands, elbows, self.rows, torque)
+
+    @property
+    def _alignments(self) -> tuple[Alignment, ...]:
+        return (self.alignment, *self.others)
 
     def parameters(self, number: int, missed: Array, weights: ObjectiveWeights) -> Array:
         """Return parameters (k, .) of `terms` at a waypoint, whose costs are means over all
@@ -250,8 +258,10 @@ class ArmWaypoints(ShortRepr):
         turn, as_turned = np.eye(3), 0.0
         if self.turns is not None:
             turn, as_turned = self.turns[number], weights.likeness
-        parts = (pose.numbers, np.zeros(6 * count), offset, turn.ravel(order="F"))
-        values = np.concatenate([*parts, [weights.posture, likeness, as_turned]])
+        shoulders = [np.asarray(each.shoulder) for each in self._alignments]
+        parts = (pose.numbers, np.zeros(6 * count), offset, *shoulders, turn.ravel(order="F"))
+        own = [weights.posture, likeness, as_turned]
+        values = np.concatenate([*parts, gravity_on(self.alignment), own])
         found = np.tile(values, (len(missed), 1))
         rows = pose.numbers.size + np.array(self.rows)
         found[:, rows] = missed[:, None] * (self.count + 1) * self.row_weights**2
