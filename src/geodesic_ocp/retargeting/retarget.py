@@ -59,9 +59,7 @@ _RATE = 100.0  # [Hz]
 # Where holding the arm takes much of a joint's torque, it gets this many times as much as that, up
 # to its limit.
 _MOVING = 1.5
-# Ratio of the costs through candidates, turned gripper to that of the person: up to the first the
-# turned one is taken, above the second that of the person; between them the paths of both decide.
-_TURNED, _NOT_TURNED = 0.85, 0.95
+_WORTH = 0.85  # of the cost through candidates, from which a turned gripper is tried first
 _SLOW, _SLOWEST = 1.5, 2.5  # times the person's time, of the motion and of a synergy: too slow
 
 
@@ -230,9 +228,8 @@ _Grasp: TypeAlias = tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]
 
 
 def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
-    """Return the arm, its waypoints and candidates there, with its parallel gripper as the person's
-    hand or turned by 180 degrees; both, if the shortest paths through the candidates cost nearly
-    the same.
+    """Return the arm, its waypoints and candidates there; before it, with its parallel gripper turned
+    by 180 degrees, if the shortest path through the candidates then costs clearly less.
 
     It is turned in all poses, as what it holds turns with it.
     """
@@ -248,8 +245,7 @@ def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
         find_start(waypoints, graph_weights(waypoints, layers, pair.settings), layers, None).cost
         for _, waypoints, layers in found
     ]
-    first, last = costs[1] <= _TURNED * costs[0], 1 + (costs[1] < _NOT_TURNED * costs[0])
-    return found[first:last]
+    return found[::-1] if costs[1] < _WORTH * costs[0] else found[:1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,8 +263,8 @@ class _Plan:
         if it fails or is slow, and is better there.
         """
         grasps, placed = _grasps(pair, self.tolerance), None
-        _, waypoints, layers = grasps[0]
-        if not all(attained(waypoints, layers, own_lacks(self.clearance, (waypoints,), 0))):
+        lacks = own_lacks(self.clearance, (grasps[0][1],), 0)
+        if not any(all(attained(waypoints, layers, lacks)) for _, waypoints, layers in grasps):
             placed = self._placed(pair)
             if placed[1].gains:
                 return self._at(*placed)
@@ -315,11 +311,14 @@ class _Plan:
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
         grasps = grasps or [_grasps(pair, self.tolerance) for pair in bodies]
         found: list[tuple[PlannedPaths, list[_Grasp]]] = []
-        for number in range(max(map(len, grasps))):  # that of the person, and turned
-            chosen = [each[min(number, len(each) - 1)] for each in grasps]
+        for left in reversed(range(max(map(len, grasps)))):  # others, if this one misses a pose
+            chosen = [each[max(len(each) - 1 - left, 0)] for each in grasps]
             arms, candidates = (tuple(each) for each in list(zip(*chosen, strict=True))[1:])
             motion: Any = problem(arms, candidates, kept, *weights, self.tolerance, self.report)
-            found.append((solve(motion, throw=self.throw and not number), chosen))
+            throw = self.throw and not left and not any(each.success for each, _ in found)
+            found.append((solve(motion, throw=throw), chosen))
+            if _rank(found[-1][0]) < (False, 1):
+                break
         paths, chosen = min(found, key=lambda each: _rank(each[0]))
         arms_of = dict(zip(bodies, (each[0] for each in chosen), strict=True))
         pairs, bodies = [arms_of.get(pair, pair) for pair in pairs], list(arms_of.values())
