@@ -230,7 +230,7 @@ def keep_clear(
 
     # Of the capsules of two links, each asks for the same distances.
     @lru_cache(maxsize=_REMEMBERED)
-    def between(pair: tuple[PlacedSolid, PlacedSolid], at: bytes) -> float:
+    def apart(pair: tuple[PlacedSolid, PlacedSolid], at: bytes) -> float:
         return exact_distance_at(*pair, poses(at), 0)
 
     @lru_cache(maxsize=_REMEMBERED)
@@ -240,7 +240,7 @@ def keep_clear(
     def exact(at: Array, index: int) -> float:
         if (pair := solids[index]) is None:
             return max(0.0, float(function(at)[index]))
-        return between(pair, np.ascontiguousarray(at, dtype=float).tobytes())
+        return apart(pair, np.ascontiguousarray(at, dtype=float).tobytes())
 
     def closer(at: Array, index: int, distance: float) -> bool:
         if (pair := solids[index]) is None:
