@@ -26,6 +26,7 @@ from pandas import DataFrame
 import geodesic_ocp as go
 from geodesic_ocp.execution.motion_measures import MotionMeasures
 from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
+from geodesic_ocp.model.formats.load_model import default_hand
 from geodesic_ocp.retargeting.arm_result import compare_under_equal_limits
 from geodesic_ocp.tables import markdown, new_table
 
@@ -76,7 +77,7 @@ MEASURES = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="MMM motions, FILE or FILE:left or FILE:right")
-    parser.add_argument("--robots", nargs="+", default=ROBOTS)
+    parser.add_argument("--robots", nargs="+", default=ROBOTS, help="names, or files (URDF, ...)")
     parser.add_argument("--tolerance", type=float, default=1e-6)
     parser.add_argument("--quick", action="store_true", help="without MuJoCo and comparison")
     parser.add_argument("--mount", action="store_true", help="find where the base stands")
@@ -90,9 +91,13 @@ def main() -> None:
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     compared: list[dict[str, MotionMeasures]] = []
-    models = {robot: go.load_model(robot) for robot in options.robots}
+    models = {
+        model.name: model
+        for robot in options.robots
+        for model in [go.load_model(robot, hand=default_hand(robot))]
+    }
     for name, analysis in _recordings(options.files):
-        for robot in options.robots:
+        for robot in models:
             row = {"recording": name, "robot": robot, "failure": ""}
             try:
                 with warnings.catch_warnings():

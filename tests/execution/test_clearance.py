@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.clearance import active_rows, keep_clear
+from geodesic_ocp.execution.clearance import active_rows, keep_clear, largest_lacks
 from geodesic_ocp.execution.link_pairs import (
     LinkPairs,
     capsule_distances,
@@ -269,6 +269,10 @@ def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
         assert ((sample, row) in chosen) == too_close
         assert clearance.closer(q[sample], row, clearance.lower[row]) == too_close
     assert 0 < len(by_links) < len(by_capsules)
+    worst = np.zeros(len(q))
+    np.maximum.at(worst, by_links.samples, by_links.lacks)
+    assert_allclose(largest_lacks(clearance, q), worst, atol=1e-12)
+    assert_array_equal(largest_lacks(clearance, q, 0.0) > 0.0, worst > 0.0)
     assert np.all(by_links.lower <= clearance.lower[by_links.rows])
     assert len(active_rows(clearance, np.empty((0, 3)))) == 0
     with pytest.raises(ValueError, match=r"q must be finite, of shape \(k, 3\)"):

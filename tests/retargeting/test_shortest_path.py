@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise, product
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.retargeting.candidates import shortest_path
 
 
@@ -16,12 +18,16 @@ def test_no_path_is_shorter(seed: int, sizes: list[int]) -> None:
     rng = np.random.default_rng(seed)
     nodes = [rng.uniform(size=size) for size in sizes]
     edges = [rng.uniform(size=shape) for shape in pairwise(sizes)]
+    more = [rng.uniform(size=size) for size in sizes]
 
     def cost(chosen: tuple[int, ...]) -> float:
-        of_nodes = sum(costs[index] for costs, index in zip(nodes, chosen, strict=True))
+        of_nodes = sum(a[k] + b[k] for a, b, k in zip(nodes, more, chosen, strict=True))
         steps = zip(edges, chosen[:-1], chosen[1:], strict=True)
         return float(of_nodes + sum(costs[a, b] for costs, a, b in steps))
 
-    found, length = shortest_path(nodes, edges.__getitem__)
+    def further(asked: Sequence[tuple[int, int]]) -> Array:
+        return np.array([more[layer][index] for layer, index in asked])
+
+    found, length = shortest_path(nodes, edges, further)
     assert np.isclose(length, cost(tuple(found)))
     assert length <= min(cost(each) for each in product(*map(range, sizes))) + 1e-12

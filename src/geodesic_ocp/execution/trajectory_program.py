@@ -317,8 +317,8 @@ class Watched:
 # The objective counts time beyond the person's as a fraction of the person's; squared distances and
 # jerks are integrated over the trajectory's time.
 _DISTANCE = 0.1  # from the paths [rad] that costs, if kept up, as much as the time it is kept up
-_UNEVEN = 0.05  # of the squared stretch of an interval
-_SHORT = 0.2  # intervals shorter than this [s] may be stretched more
+_UNEVEN = 1.0  # of the squared stretch of an interval
+_SHORT = 0.05  # intervals shorter than this [s] may be stretched more
 _JERK, _JERK_TIME = 1e-3, 0.05  # when an acceleration changes by its limit in this time [s]
 _IPOPT = {
     "tol": 1e-6,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import Terms
-from geodesic_ocp.execution.clearance import Clearance, active_rows, is_clear
+from geodesic_ocp.execution.clearance import Clearance, largest_lacks
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import search_bounds, search_each, step_terms
 from geodesic_ocp.retargeting.paired_arm import (
@@ -159,28 +159,39 @@ def _chosen(q: Array, errors: Array, allowed: NDArray[np.bool_], most: int) -> C
 
 
 def shortest_path(
-    node_costs: Sequence[Array], edge_costs: Callable[[int], Array]
+    node_costs: Sequence[Array],
+    edge_costs: Sequence[Array],
+    further: Callable[[Sequence[tuple[int, int]]], Array] | None = None,
 ) -> tuple[list[int], float]:
     """Return one node of each layer, with the least sum of costs.
 
     Args:
         node_costs: node costs of each layer, (k_i,).
-        edge_costs: number i of a layer -> costs (k_i, k_i+1) of the edges to the next one.
+        edge_costs: costs (k_i, k_i+1) of the edges from each layer to the next one.
+        further: nodes, each a layer and an index -> costs (j,) in addition, not negative. They are
+            asked for only where the shortest path by what is known passes.
 
     Returns:
         Indices of the nodes, and their cost.
     """
-    total = np.asarray(node_costs[0], dtype=float)
-    before: list[np.ndarray] = []
-    for layer, costs in enumerate(node_costs[1:]):
-        sums = total[:, None] + edge_costs(layer)
-        best = np.argmin(sums, axis=0)
-        before.append(best)
-        total = sums[best, np.arange(best.size)] + costs
-    chosen = [int(np.argmin(total))]
-    for best in reversed(before):
-        chosen.append(int(best[chosen[-1]]))
-    return chosen[::-1], float(total.min())
+    nodes = [np.array(costs, dtype=float) for costs in node_costs]
+    known = set[tuple[int, int]]()
+    while True:
+        total, before = nodes[0], list[NDArray[np.int64]]()
+        for edges, costs in zip(edge_costs, nodes[1:], strict=True):
+            sums = total[:, None] + edges
+            best = np.argmin(sums, axis=0)
+            before.append(best)
+            total = sums[best, np.arange(best.size)] + costs
+        chosen = [int(np.argmin(total))]
+        for best in reversed(before):
+            chosen.append(int(best[chosen[-1]]))
+        new = [each for each in enumerate(reversed(chosen)) if each not in known]
+        if further is None or not new:
+            return chosen[::-1], float(total.min())
+        known.update(new)
+        for (layer, index), cost in zip(new, further(new), strict=True):
+            nodes[layer][index] += cost
 
 
 _ROUNDS = 3  # of new candidates around those chosen
@@ -211,14 +222,13 @@ class Lacks:
         """Return the most that any of them lacks (k,) [m] at configurations (k, n)."""
         keys = [each.tobytes() for each in q]
         if new := [k for k, key in enumerate(keys) if key not in self.known]:
-            active, most = active_rows(self.own, self._points(q[new])), np.zeros(len(new))
-            np.maximum.at(most, active.samples, active.lacks)
-            self.known.update(zip((keys[k] for k in new), most.tolist(), strict=True))
+            most = largest_lacks(self.own, self._points(q[new])).tolist()
+            self.known.update(zip((keys[k] for k in new), most, strict=True))
         return np.array([self.known[key] for key in keys])
 
     def none(self, q: Array) -> bool:
         """Return whether no distance lacks anything at a configuration (n,), in less time."""
-        return is_clear(self.own, self._points(q[None])[0])
+        return not largest_lacks(self.own, self._points(q[None]), 0.0).any()
 
     def _points(self, q: Array) -> Array:
         points = np.zeros((len(q), self.own.dof))
@@ -342,10 +352,13 @@ def best_candidates(
     ]
     # Of posture, likeness, gravity torques, and missed poses.
     costs = waypoints.terms.at("value", every, np.vstack(parameters))[0][:, 0] / len(layers)
-    if lacks is not None:
-        costs += _TOO_NEAR * lacks(every)
-    edges = partial(_edge_costs, waypoints, weights, layers, matrices)
-    chosen, cost = shortest_path(np.split(costs, ends), edges)
+    edges = [_edge_costs(waypoints, weights, layers, matrices, k) for k in range(len(layers) - 1)]
+
+    def too_near(nodes: Sequence[tuple[int, int]]) -> Array:
+        assert lacks is not None
+        return _TOO_NEAR * lacks(np.array([layers[layer].q[index] for layer, index in nodes]))
+
+    chosen, cost = shortest_path(np.split(costs, ends), edges, None if lacks is None else too_near)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
     pairs = list(zip(layers, chosen, strict=True))
     missed = np.array([layer.missed[index] for layer, index in pairs])

@@ -57,7 +57,9 @@ _STARTS = 6
 _MOST_POSES = 24  # that are counted
 _CHOSEN = 8  # mountings for which configurations are chosen
 _ROUGHLY, _BEST = 16, 2  # from so many starts; for the best of these, from as many as elsewhere
-_POLISHED = 3  # times at most that the best one is improved, until all poses are within reach
+# The best one is improved until all poses are within reach, with these factors of positions: the
+# first, or all where the scale is left to `retarget`.
+_ALONE, _FACTORS = 2, (1.0, 1.0, 0.95, 0.9)
 _NEAR = 0.02  # [m] above its bound from which on a distance enters the program
 _APART = 4  # programs at most, with more and more distances
 _TOLERANCE = 1e-6
@@ -73,6 +75,8 @@ class BasePlacement(ShortRepr):
         shift: how far the base is moved to the person's right, forward and up (3,) [m].
         yaw: angle by which it is turned to the left about the vertical through its shoulder [rad].
         mirrored: whether left and right of the motion are exchanged, other than by default.
+        factor: factor of positions, in addition to their scale; below 1 only where `retarget` moves
+            a robot that attains more poses with it.
         count: number of poses of the hand, at the ends of the synergies.
         reached, reached_before: number of these within reach, and with the default alignment:
             within the tolerance, in configurations in which links are apart and joints strong
@@ -86,6 +90,7 @@ class BasePlacement(ShortRepr):
     shift: Array
     yaw: float
     mirrored: bool
+    factor: float
     count: int
     reached: int
     reached_before: int
@@ -120,6 +125,8 @@ class BasePlacement(ShortRepr):
             parts.append(f"turned by {abs(np.degrees(self.yaw)):.1f} degrees to the {side}")
         if self.mirrored:
             parts.append("the motion mirrored")
+        if self.factor < 1.0:
+            parts.append(f"positions scaled by {self.factor:g} of the ratio of the arms' lengths")
         return (
             f"base {', '.join(parts) or 'at its default place'}: {self.reached} of {self.count} "
             f"poses within reach, {self.reached_before} at the default place; cost "
@@ -210,10 +217,13 @@ def place_base(
 
 
 def best_place(pair: PairedArm, clearance: Clearance | None) -> tuple[PairedArm, BasePlacement]:
-    """Return a pair at the best place within the default bounds of `place_base`."""
+    """Return a pair at the best place within the default bounds of `place_base`, with positions
+    scaled down if it does not attain all poses otherwise and their scale is not given.
+    """
     lower, upper = np.transpose([_SHIFTS, _SHIFTS, _SHIFTS, _TURNS])
-    found = _BaseSearch((pair,), lower, upper, False, clearance).best()
-    return _at(pair, found.alignments), found
+    factors = _FACTORS if pair.settings.scale is None else _FACTORS[:_ALONE]
+    found = _BaseSearch((pair,), lower, upper, False, clearance, factors).best()
+    return _at(pair, found.alignments, found.factor), found
 
 
 def _as_bounds(name: str, given: tuple[float, float]) -> Array:
@@ -229,14 +239,15 @@ class _Mounted:
 
     place: Array  # right, forward, up [m], yaw [rad]
     mirrored: bool
+    factor: float  # of positions
     arms: tuple[ArmWaypoints, ...]
     layers: tuple[tuple[Candidates, ...], ...]
     reached: int
     cost: float
 
 
-def _rank(mounted: _Mounted) -> tuple[int, float]:
-    return -mounted.reached, mounted.cost
+def _rank(mounted: _Mounted) -> tuple[int, float, float]:
+    return -mounted.reached, -mounted.factor, mounted.cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,6 +259,7 @@ class _BaseSearch:
     upper: Array
     mirrored: bool
     clearance: Clearance | None
+    factors: Sequence[float] = _FACTORS[:_ALONE]
 
     @property
     def robot(self) -> Model:
@@ -263,8 +275,9 @@ class _BaseSearch:
         for each in sorted(roughly, key=_rank)[:_BEST]:
             tried.append(self.mounted(each.place, each.mirrored))
         found = min(tried, key=_rank)
-        for _ in range(_POLISHED):
-            found = self.mounted(self._polished(found), found.mirrored)
+        for factor in self.factors:
+            polished = self._polished(found, factor)
+            found = self.mounted(polished, found.mirrored, factor=factor)
             tried.append(found)
             if max(each.reached for each in tried) == count:
                 break
@@ -274,6 +287,7 @@ class _BaseSearch:
             found.place[:3],
             float(found.place[3]),
             found.mirrored,
+            found.factor,
             count,
             *(found.reached, before.reached, found.cost, before.cost),
         )
@@ -296,17 +310,22 @@ class _BaseSearch:
             found.append(replace(each, base=own, shoulder=shoulder, side=side))
         return tuple(found)
 
-    def mounted(self, place: Array, mirrored: bool, *num_starts: int) -> _Mounted:
+    def mounted(
+        self, place: Array, mirrored: bool, *num_starts: int, factor: float = 1.0
+    ) -> _Mounted:
         """Return the mounting at a place, with poses within reach and cost, from so many starts."""
-        arms = self._waypoints(self.alignments(place, mirrored))
+        arms = self._waypoints(self.alignments(place, mirrored), factor)
         layers, reached, cost = tuple(first_candidates(arm, *num_starts) for arm in arms), 0, 0.0
         for arm, own, weights in zip(arms, layers, self._weights, strict=True):
             reached += sum(attained(arm, own, self._lacks))
             cost += best_candidates(arm, weights, own).cost
-        return _Mounted(place, mirrored, arms, layers, reached, cost)
+        return _Mounted(place, mirrored, factor, arms, layers, reached, cost)
 
-    def _waypoints(self, alignments: Sequence[Alignment]) -> tuple[ArmWaypoints, ...]:
-        return tuple(arm_waypoints(_at(pair, alignments), _TOLERANCE) for pair in self.pairs)
+    def _waypoints(
+        self, alignments: Sequence[Alignment], factor: float = 1.0
+    ) -> tuple[ArmWaypoints, ...]:
+        placed = (_at(pair, alignments, factor) for pair in self.pairs)
+        return tuple(arm_waypoints(each, _TOLERANCE) for each in placed)
 
     @cached_property
     def _default(self) -> tuple[ArmWaypoints, ...]:
@@ -383,13 +402,13 @@ class _BaseSearch:
         rotations, positions = map(np.concatenate, zip(*found, strict=True))
         return rotations, positions
 
-    def _polished(self, start: _Mounted) -> Array:
+    def _polished(self, start: _Mounted, factor: float) -> Array:
         """Return the place improved by a program in place and configurations, which keeps links
-        apart.
+        apart, with a factor of positions.
         """
         n, first = self.robot.dof, 4
         aligned = self.alignments(np.zeros(4), start.mirrored)
-        default = self._waypoints(aligned)
+        default = self._waypoints(aligned, factor)
         centre, base = _centre(aligned), np.asarray(aligned[0].base)
         places, values, steps, lines = [], [], [], []
         for arm, weights in zip(default, self._weights, strict=True):
@@ -466,19 +485,22 @@ def _centre(alignments: Sequence[Alignment]) -> Array:
     return np.asarray(np.mean([np.asarray(each.shoulder) for each in alignments], axis=0))
 
 
-def _mappings(pair: PairedArm, alignments: Sequence[Alignment]) -> tuple[PoseMapping, ...]:
-    """Return the mappings with other alignments of the robot's hands, and the same scale."""
+def _mappings(
+    pair: PairedArm, alignments: Sequence[Alignment], factor: float = 1.0
+) -> tuple[PoseMapping, ...]:
+    """Return the mappings with other alignments of the robot's hands, and a factor of the scale."""
+    between = PoseMapping.between
     return tuple(
-        replace(PoseMapping.between(old.model, old.source, new, pair.settings), scale=old.scale)
+        replace(between(old.model, old.source, new, pair.settings), scale=factor * old.scale)
         for old, new in zip(pair.mappings, alignments, strict=True)
     )
 
 
-def _at(pair: PairedArm, alignments: Sequence[Alignment]) -> PairedArm:
-    """Return the pair with other alignments of the robot's hands."""
-    if tuple(alignments) == tuple(each.target for each in pair.mappings):
+def _at(pair: PairedArm, alignments: Sequence[Alignment], factor: float) -> PairedArm:
+    """Return the pair with other alignments of the robot's hands, and a factor of the scale."""
+    if tuple(alignments) == tuple(each.target for each in pair.mappings) and factor == 1.0:
         return pair
-    moved = replace(pair, mappings=_mappings(pair, alignments))
+    moved = replace(pair, mappings=_mappings(pair, alignments, factor))
     return replace(moved, target_poses=moved.mapping(pair.analysis.motion.q))
 
 

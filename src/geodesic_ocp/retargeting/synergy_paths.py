@@ -177,8 +177,8 @@ class SynergyPaths(ShortRepr, Problem):
         """Return the best solution, from straight lines between configurations with the poses.
 
         These are the shortest path through the candidates of each arm. If links cannot be moved
-        apart from there, it is tried from the shortest path that keeps distances. Poses are given
-        up last, in the better one of both.
+        apart from there, it is tried from the shortest path that keeps distances, and from there
+        with those distances from the beginning. Poses are given up last, in the best of these.
         """
         edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in self.arms]))
         layers = self.candidates or tuple(map(first_candidates, self.arms))
@@ -206,6 +206,12 @@ class SynergyPaths(ShortRepr, Problem):
             lacking.append(_lacking_distances(clearance, found[-1].paths))
             if iterate.success and not lacking[-1]:
                 break
+        if found[-1].paths.success and lacking[-1]:
+            # From there again, with the distances that were too small kept from the beginning.
+            iterate = rounds.refined(start, found[-1].rows)
+            kept = replace(found[-1], paths=iterate)
+            found.append(rounds.kept_apart(kept) if iterate.success else kept)
+            lacking.append(_lacking_distances(clearance, found[-1].paths))
         scores = [
             _score(rounds, each.paths, less) for each, less in zip(found, lacking, strict=True)
         ]

@@ -90,7 +90,8 @@ def load_model(
         base: fixed frame that becomes the base frame, for poses and for the direction of gravity;
             None: the root of the file.
         configuration: values [rad or m], by name, at which joints are locked; the default is zero,
-            or the limit closest to it, and for a mimic joint the value that its leader implies.
+            or the limit closest to it, and for a mimic joint the value that its leader implies. The
+            lift of a `tiago-pro-right-arm` or `-left-arm` is raised, to 0.35 m.
         height, mass: body height [m] and mass [kg], for MMM models; 1.75 m and 70 kg by default.
         backend: back end of the symbolic rigid-body algorithms, see `Model`.
 
@@ -110,7 +111,9 @@ def load_model(
     base_index = None if base is None else _frame("base", whole, base)
     every = {name for index in indices for name in _moving(whole, index, base_index, joints)}
     moving = [str(name) for name in whole.names if str(name) in every]
-    model = lock_joints(description, moving, configuration or {})
+    known = ROBOTS[source].raised if isinstance(source, str) and source in ROBOTS else {}
+    raised = {name: value for name, value in known.items() if name not in moving}
+    model = lock_joints(description, moving, raised | dict(configuration or {}))
     if base is not None:
         model = change_base(model, base)
     for each in hands:
@@ -272,6 +275,8 @@ def summary(name: str) -> Iterator[str]:
     yield f"{name}: {', '.join(filter(None, [*values, model.describe_armature()]))}"
     yield from _wrapped(model.joint_names)
     yield f"  hand: {', '.join(model.hands)}"
+    if name in ROBOTS and (raised := ROBOTS[name].raised):
+        yield f"  locked at {', '.join(f'{each} {at:g} m' for each, at in raised.items())}"
 
 
 def default_hand(source: str) -> str | None:

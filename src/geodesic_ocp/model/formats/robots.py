@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -27,6 +28,7 @@ class Robot:
         arms: names of the right and the left arm of a body, whose hands it has; empty for an arm.
         parallel_gripper: whether the hand is a gripper of two fingers that half a turn about its
             approach axis, through the origin of the frame, exchanges.
+        raised: lifts before the base, which are locked at their upper limits, and these [m].
     """
 
     package: str
@@ -35,6 +37,7 @@ class Robot:
     base: str | None
     arms: tuple[str, ...] = ()
     parallel_gripper: bool = False
+    raised: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -48,11 +51,16 @@ _ARMS = {
         parallel_gripper=True,
     ),
     **{
-        f"{name}-{side}-arm": Robot(_EXAMPLE, file, f"gripper_{side}_base_link", base, (), parallel)
-        for name, file, base, parallel in (
+        f"{name}-{side}-arm": Robot(
+            *(_EXAMPLE, file, f"gripper_{side}_base_link", base, (), parallel, raised)
+        )
+        for name, file, base, parallel, raised in (
             # One finger against two.
-            ("talos", "talos_data/robots/talos_reduced.urdf", "torso_2_link", False),
-            ("tiago-pro", "tiago_pro_description/robots/tiago_pro.urdf", "torso_lift_link", True),
+            ("talos", "talos_data/robots/talos_reduced.urdf", "torso_2_link", False, {}),
+            (
+                *("tiago-pro", "tiago_pro_description/robots/tiago_pro.urdf", "torso_lift_link"),
+                *(True, {"torso_lift_joint": 0.35}),  # lowered, its wheels are in the arms' way
+            ),
         )
         for side in ("left", "right")
     },
@@ -74,7 +82,10 @@ _ARMS = {
 # Bodies: the joints of waist, torso or lift, and both arms.
 _BODIES = {
     name: replace(
-        _ARMS[f"{name}-right{arm}"], base=None, arms=(f"{name}-right{arm}", f"{name}-left{arm}")
+        _ARMS[f"{name}-right{arm}"],
+        base=None,
+        arms=(f"{name}-right{arm}", f"{name}-left{arm}"),
+        raised={},  # the lift is one of its joints
     )
     for name, arm in (("talos", "-arm"), ("tiago-pro", "-arm"), ("armar6", ""), ("g1", "-arm"))
 }
