@@ -13,21 +13,21 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.look import Indices, Mesh
 
 _SAME_PLACE = 1e-6  # [size of the mesh]
-_FIXED = 0.7  # relative size of meshes that matter less, so that their errors count for less
-_SHARE = 0.3  # of the vertices, the cheapest, from which a round takes neighbours of none
-_BORDER = 10.0  # weight of a border, per square on its edges, relative to an area
-_EDGE = 1e-4  # [length of an edge] counts as an error, so that flat parts keep compact triangles
+_FIXED = 0.85  # relative size of meshes that matter less, so that their errors count for less
+_SHARE = 0.3  # of the vertices, those that cost least, among which a round chooses
+_BORDER = 100.0  # weight of the squares on its edges, which keeps openings and seams round
+_EDGE = 1e-4  # [length of an edge] counts as a distance: flat parts keep compact triangles
 _TURN = 0.25  # least cosine between the normals of a triangle before and after a collapse
 
 
 def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
     """Return the meshes with at most `count` triangles together, without those that are degenerate.
 
-    Coincident vertices become one. If there are too many triangles, vertices are moved onto their
-    neighbours where that changes any of the surfaces, or their borders, least (quadric error
-    metrics: Garland and Heckbert, SIGGRAPH 1997), so that flat and small parts get few triangles.
-    Meshes that do not matter, such as those of links that do not move, may change more. More
-    triangles remain only if every collapse would fold a surface.
+    Coincident vertices become one. If there are too many triangles, vertices move onto neighbours
+    where the squared distance to the planes of their triangles and borders, times the area, grows
+    least (quadric error metrics: Garland and Heckbert, SIGGRAPH 1997), so that flat and small parts
+    get few. Meshes that do not matter, such as those of links that do not move, may change more.
+    More triangles than `count` remain only where every collapse would fold a surface.
     """
     welded = [_welded(mesh) for mesh in found]
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in welded)])
@@ -76,7 +76,7 @@ def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
     order, and triangles change by one of their vertices at a time.
     """
     number = len(points)
-    quadrics, weights = _quadrics(points, triangles)
+    quadrics = _quadrics(points, triangles)
     products = _products(points)
     barred = np.zeros(0, np.int64)  # collapses that would fold the surface
     tried = np.zeros(number, dtype=bool)  # their vertices
@@ -93,8 +93,8 @@ def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
         free[once[np.isin(start[once] * number + stop[once], barred)]] = False
         start, stop, around = start[free], stop[free], around[free]
         along = points.take(stop, axis=0) - points.take(start, axis=0)
-        error = _dot(quadrics.take(start, axis=0), products.take(stop, axis=0)) / weights[start]
-        cost = np.maximum(error, 0.0) + _EDGE**2 * _dot(along, along)
+        error = _dot(quadrics.take(start, axis=0), products.take(stop, axis=0))
+        cost = np.maximum(error, 0.0) + _EDGE**2 * _dot(along, along) ** 2
 
         least = np.full(number, np.inf)
         np.minimum.at(least, start, cost)
@@ -128,7 +128,6 @@ def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
         chosen = chosen[: max((len(triangles) - count) // 2, 1)]
         mover, goal = mover[chosen], goal[chosen]
         np.add.at(quadrics, goal, quadrics[mover])
-        np.add.at(weights, goal, weights[mover])
         onto = np.arange(number)
         onto[mover] = goal
         triangles = _proper(onto[triangles])
@@ -174,8 +173,8 @@ def _products(points: Array) -> Array:
     return np.column_stack([*squares, 2 * x, 2 * y, 2 * z, one])
 
 
-def _quadrics(points: Array, triangles: Indices) -> tuple[Array, Array]:
-    """Return weighted sums of squared distances from planes at points, (k, 10), and the weights.
+def _quadrics(points: Array, triangles: Indices) -> Array:
+    """Return sums of squared distances from planes at points, weighted by areas, (k, 10).
 
     The planes are those of the triangles, and through their borders at right angles to them.
     """
@@ -190,7 +189,7 @@ def _quadrics(points: Array, triangles: Indices) -> tuple[Array, Array]:
     )
     one, other, owner = one[border], other[border], np.flatnonzero(border) // 3
     along = points[other] - points[one]
-    quadrics, weights = np.zeros((len(points), 10)), np.full(len(points), np.finfo(float).tiny)
+    quadrics = np.zeros((len(points), 10))
     for normals, where, weight, corners in (
         (across, a, areas, triangles.T),
         (np.cross(along, across[owner]), points[one], _BORDER * _dot(along, along), (one, other)),
@@ -202,5 +201,4 @@ def _quadrics(points: Array, triangles: Indices) -> tuple[Array, Array]:
         planes = np.column_stack(entries) * weight[:, None]
         for corner in corners:
             np.add.at(quadrics, corner, planes)
-            np.add.at(weights, corner, weight)
-    return quadrics, weights
+    return quadrics
