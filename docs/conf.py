@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from importlib.metadata import metadata
 from importlib.metadata import version as version_of
 from pathlib import Path
 
@@ -49,6 +50,9 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_js_files = ["frames.js"]
 html_extra_path = ["_extra"]
+# Addresses in [project.urls] of pyproject.toml, such as the repository, are in the navigation.
+_URLS = metadata("geodesic_ocp").get_all("Project-URL") or ()
+html_context = {"addresses": [line.split(", ", 1) for line in _URLS]}
 html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_show_sourcelink = False
 html_math_renderer = "mathml"  # no script, nothing to fetch

@@ -1,3 +1,3 @@
-// As Sphinx has it, but a page with the title that is looked for comes before attributes of that name.
+// As Sphinx has it, but a page with the title that is looked for comes before terms and attributes of that name.
 var Scorer = { objNameMatch: 11, objPartialMatch: 6, objPrio: { 0: 15, 1: 5, 2: -5 }, objPrioDefault: 0,
-  title: 25, partialTitle: 7, term: 5, partialTerm: 2 };
+  title: 101, partialTitle: 7, term: 5, partialTerm: 2 };

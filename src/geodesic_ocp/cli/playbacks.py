@@ -269,10 +269,11 @@ def _found(names: Sequence[str]) -> Iterator[_Found]:
             yield name, "robot"
         elif path.is_dir():
             found = [(file, file_kind(file)) for file in folder_files(path)]
-            if found[0][1] == "trajectory":
+            if found[0][1] == "trajectory" and len(names) == 1:
                 print(
                     f"note: {name}: the robot without the person; both are in {REPORT}, which "
-                    "retarget --out and go.drawing.report write and show opens by itself"
+                    "retarget --out and go.drawing.report write and show opens by itself, and "
+                    f"where the recording is given, too: geodesic-ocp show RECORDING {name}"
                 )
             yield from found
         elif not path.exists():

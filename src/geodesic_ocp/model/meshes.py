@@ -15,9 +15,10 @@ from geodesic_ocp.model.anthropometry import PersonArm, person_arms, person_trun
 from geodesic_ocp.model.human import human_arm, human_upper_body, stature
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.link_geometry import LinkGeometry
-from geodesic_ocp.model.look import Mesh, body_mesh, kinematic_chain, simplified, visual_geometry
+from geodesic_ocp.model.look import Mesh, body_mesh, kinematic_chain, visual_geometry
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.person_look import mirrored, person
+from geodesic_ocp.model.simplification import simplified
 
 MAX_TRIANGLES = 60000  # per model, which keeps a page with four robots below a few MB
 _known: WeakKeyDictionary[Model, tuple[Mesh, ...]] = WeakKeyDictionary()
