@@ -228,8 +228,8 @@ _Grasp: TypeAlias = tuple[PairedArm, ArmWaypoints, tuple[Candidates, ...]]
 
 
 def _grasps(pair: PairedArm, tolerance: float) -> list[_Grasp]:
-    """Return the arm, its waypoints and candidates there; before it, with its parallel gripper turned
-    by 180 degrees, if the shortest path through the candidates then costs clearly less.
+    """Return the arm, its waypoints and candidates; before it, with its parallel gripper turned by
+    180 degrees, if the shortest path through the candidates then costs clearly less.
 
     It is turned in all poses, as what it holds turns with it.
     """
