@@ -207,7 +207,7 @@ class Retargeting:
             for arm in self.arms
             for method, found in arm.statistics.items()
         ]
-        note = "means over the samples of the recording, not over the robot's time as in comparison"
+        note = "Means over the recording's samples; in comparison.csv, over the robot's time."
         return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], note)
 
     def synergy_table(self) -> DataFrame:
