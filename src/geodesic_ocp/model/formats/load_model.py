@@ -111,9 +111,11 @@ def load_model(
     base_index = None if base is None else _frame("base", whole, base)
     every = {name for index in indices for name in _moving(whole, index, base_index, joints)}
     moving = [str(name) for name in whole.names if str(name) in every]
-    known = ROBOTS[source].raised if isinstance(source, str) and source in ROBOTS else {}
-    raised = {name: value for name, value in known.items() if name not in moving}
-    model = lock_joints(description, moving, raised | dict(configuration or {}))
+    values = configuration or {}
+    if isinstance(values, Mapping) and isinstance(source, str) and source in ROBOTS:
+        raised = {name: at for name, at in ROBOTS[source].raised.items() if name not in moving}
+        values = {**raised, **values}
+    model = lock_joints(description, moving, values)
     if base is not None:
         model = change_base(model, base)
     for each in hands:
