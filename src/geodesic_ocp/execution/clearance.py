@@ -444,7 +444,7 @@ def largest_lacks(clearance: Clearance, q: ArrayLike, enough: float = np.inf) ->
                 break  # capsules lack no less than the links
             amount, least = own[row], clearance.lower[row]
             if clearance.exact is not None:
-                apart = _exact_below(clearance, point, row, least - found[k])
+                apart = _exact_below(clearance, point, row, max(0.0, least - found[k]))
                 amount = least - apart if apart > 0.0 else amount
             found[k] = max(found[k], amount)
     return found
