@@ -133,7 +133,7 @@ def check_symbols(
 ) -> None:
     """Raise ValueError if an expression contains others than the given symbols."""
     given = [*symbols, ca.SX(0, 1) if parameters is None else parameters]
-    allowed = {each.element_hash() for one in given for each in one.elements()}
+    allowed = {each for one in given for each in _hashes(one)}
     foreign = [str(each) for each in ca.symvar(expression) if each.element_hash() not in allowed]
     if foreign:
         known = dict.fromkeys(str(each[0]).rpartition("_")[0] or str(each) for each in symbols)
@@ -258,9 +258,14 @@ def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:
     """Return indices (m,) of the symbols that the rows are, or None if a row is anything else."""
     if not column.is_valid_input():  # a row is no symbol
         return None
-    known = {symbol.element_hash(): number for number, symbol in enumerate(symbols.elements())}
-    index = [known.get(entry.element_hash(), -1) for entry in column.elements()]
+    known = {symbol: number for number, symbol in enumerate(_hashes(symbols))}
+    index = [known.get(entry, -1) for entry in _hashes(column)]
     return None if -1 in index else tuple(index)
+
+
+def _hashes(symbols: ca.SX) -> list[int]:
+    elements: Any = symbols.elements()  # four times as quick as its nz
+    return [each.element_hash() for each in elements]
 
 
 NUMBERS = _Parameters(ca.SX(0, 1), np.zeros(0))  # entries without parameters

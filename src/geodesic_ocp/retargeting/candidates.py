@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -194,6 +195,37 @@ def shortest_path(
             nodes[layer][index] += cost
 
 
+def with_further_edges(
+    node_costs: Sequence[Array],
+    edge_costs: Sequence[Array],
+    further: Callable[[int, Any, Any], Array],
+    path: Sequence[int],
+    cost: float,
+) -> list[Array]:
+    """Return the costs of edges with further ones where the shortest path may lead, else infinity.
+
+    Args:
+        node_costs, edge_costs: see `shortest_path`.
+        further: number of a layer, and indices of nodes in it and in the next (j,) -> costs (j,) in
+            addition, not negative.
+        path, cost: a path and its cost without these, which bound the shortest one.
+    """
+    most = cost + sum(float(further(k, [a], [b])[0]) for k, (a, b) in enumerate(pairwise(path)))
+    # Least costs up to each node, and from it on.
+    before, after = [node_costs[0]], [np.zeros_like(node_costs[-1])]
+    for edges, costs in zip(edge_costs, node_costs[1:], strict=True):
+        before.append((before[-1][:, None] + edges).min(axis=0) + costs)
+    for edges, costs in zip(edge_costs[::-1], node_costs[:0:-1], strict=True):
+        after.append((edges + costs + after[-1]).min(axis=1))
+    found = []
+    for layer, (edges, costs) in enumerate(zip(edge_costs, node_costs[1:], strict=True)):
+        through = before[layer][:, None] + edges + costs + after[-2 - layer]
+        first, second = np.nonzero(through <= most * (1.0 + 1e-9))
+        found.append(np.full_like(edges, np.inf))
+        found[-1][first, second] = edges[first, second] + further(layer, first, second)
+    return found
+
+
 _ROUNDS = 3  # of new candidates around those chosen
 _FAR = 0.25  # of the arm's length
 _TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
@@ -352,13 +384,23 @@ def best_candidates(
     ]
     # Of posture, likeness, gravity torques, and missed poses.
     costs = waypoints.terms.at("value", every, np.vstack(parameters))[0][:, 0] / len(layers)
+    nodes = np.split(costs, ends)
     edges = [_edge_costs(waypoints, weights, layers, matrices, k) for k in range(len(layers) - 1)]
 
     def too_near(nodes: Sequence[tuple[int, int]]) -> Array:
         assert lacks is not None
         return _TOO_NEAR * lacks(np.array([layers[layer].q[index] for layer, index in nodes]))
 
-    chosen, cost = shortest_path(np.split(costs, ends), edges, None if lacks is None else too_near)
+    further = None if lacks is None else too_near
+    chosen, cost = shortest_path(nodes, edges, further)
+    if weights.detour:
+
+        def detours(layer: int, first: Any, second: Any) -> Array:
+            middle = (layers[layer].q[first] + layers[layer + 1].q[second]) / 2.0
+            return weights.detour * off_the_way(waypoints, layer, middle)
+
+        edges = with_further_edges(nodes, edges, detours, chosen, cost)
+        chosen, cost = shortest_path(nodes, edges, further)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
     pairs = list(zip(layers, chosen, strict=True))
     missed = np.array([layer.missed[index] for layer, index in pairs])
@@ -388,12 +430,7 @@ def _edge_costs(
     action = (first + last) / (4.0 * duration)
     needed = (np.abs(change) / (waypoints.speed[number] * duration)).max(axis=2)
     late = duration * np.maximum(0.0, needed - 1.0)
-    found = action / weights.action + weights.stretch * late / weights.duration
-    if not weights.detour:
-        return np.asarray(found)
-    middle = ((here[:, None, :] + there[None, :, :]) / 2.0).reshape(-1, here.shape[1])
-    detours = off_the_way(waypoints, number, middle).reshape(len(here), len(there))
-    return np.asarray(found + weights.detour * detours)
+    return np.asarray(action / weights.action + weights.stretch * late / weights.duration)
 
 
 def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
