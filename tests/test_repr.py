@@ -94,7 +94,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         bundled_analysis.table(),
         go.retargeting.align(arm),
         go.retargeting.BasePlacement(
-            go.retargeting.align(arm), np.zeros(3), 0.1, False, 5, 5, 4, 1.0, 2.0
+            go.retargeting.align(arm), np.zeros(3), 0.1, False, 1.0, 5, 5, 4, 1.0, 2.0
         ),
         go.model.robot_armature(arm),
         go.retargeting.reachability(arm, go.retargeting.align(arm), None, np.full((3, 3), 0.1)),

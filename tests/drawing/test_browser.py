@@ -105,7 +105,8 @@ def page_of(browser: Any, file: File) -> Iterator[Callable[[str], Any]]:
 
         def of(kind: str) -> Any:
             if kind not in pages:
-                pages[kind] = stack.enter_context(opened(browser, file(kind)))
+                small = opened(browser, file(kind), width=WIDTH, height=560)
+                pages[kind] = stack.enter_context(small)
             pages[kind].set_viewport_size({"width": WIDTH, "height": 560})
             ask(pages[kind], "viewer.pause() ?? viewer.seek(viewer.range[0]) ?? viewer.reset()")
             return pages[kind]
