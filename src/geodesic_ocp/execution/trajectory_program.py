@@ -380,7 +380,7 @@ class TrajectoryProgram:
         most: int,
         before: tuple[Array, Multipliers] | None = None,
     ) -> tuple[Outcome, tuple[Array, Multipliers]]:
-        """Return the solution near references, with the limits that are to be minded, and its
+        """Return the solution near references, with the limits that are to be enforced, and its
         multipliers.
 
         Args:

@@ -1,4 +1,4 @@
-"""Rounds of a trajectory's program: solve, check densely, mind what was violated, solve again."""
+"""Rounds of a trajectory's program: solve, check densely, enforce what was violated, and again."""
 
 from __future__ import annotations
 
@@ -117,11 +117,13 @@ class ArmCheck:
         return float(largest[kind][joint]) - 1.0, name
 
 
-# Shares of the limits, one and [rad] for positions, from which on a limit is minded as well where
+# Shares of the limits, one and [rad] for positions, from which on a limit is enforced as well where
 # it is exceeded elsewhere.
 _NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
 _NEAR_SAMPLED, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
-_FAST = 0.5  # share of the hand's speed from which on it is minded at first; in most pieces: in all
+# Share of the hand's speed from which on its limit is enforced at first; everywhere if most pieces
+# have it.
+_FAST = 0.5
 _MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
 _NONE: Indices = np.zeros(0, dtype=np.int64)
 
@@ -187,14 +189,14 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
 def _at_knots_of(
     excess: Array, near: float, kept: float, tolerance: float
 ) -> tuple[NDArray[np.bool_], Array]:
-    """Return knots at which limits are to be minded, and what is to be taken off there, (knots, m)
-    each.
+    """Return knots at which limits are to be enforced, and what is to be taken off there, each
+    (knots, m).
 
     The program will keep limits at knots: what values exceed them by in between is taken off.
 
     Args:
         excess: excess of values over their limits (pieces, samples, m).
-        near: excess of a value at a knot from which on its limit is minded there.
+        near: excess of a value at a knot from which on its limit is enforced there.
         kept: excess that the program allows at knots.
         tolerance: tolerance of values between knots.
     """
