@@ -109,13 +109,20 @@ class Terms:
         """Libraries of the functions of the last program, and for how long it uses them [s]."""
         return {}
 
-    def at(self, name: str, z: Array, p: Array) -> list[Array]:
-        """Return outputs (k, .) of `value` or `jacobian` at z (k, size) for p (k, .) or (.)."""
+    def at(self, name: str, z: Array, p: Array, at_once: bool = True) -> list[Array]:
+        """Return outputs (k, .) of `value` or `jacobian` at z (k, size) for p (k, .) or (.).
+
+        `at_once`: whether they are compiled at their first use, not after some, see `Library`.
+        """
         function, library = getattr(self, name), self._compiled(name)
-        p = np.ascontiguousarray(p, dtype=float)
-        if library is None or (handle := library.handle(True)) is None:
+        if not len(z):
+            return [np.empty((0, function.numel_out(k))) for k in range(function.n_out())]
+        p, begin = np.ascontiguousarray(p, dtype=float), time.perf_counter()
+        if library is None or (handle := library.handle(at_once)) is None:
             every = np.broadcast_to(p, (len(z), self.size_p))
             found = function.map(len(z)).call([ca.DM(z.T), ca.DM(every.T)])
+            if library is not None:
+                library.used(time.perf_counter() - begin)
             return [each.full().T for each in found]
         z = np.ascontiguousarray(z, dtype=float)
         if name not in self._sizes:
@@ -125,7 +132,7 @@ class Terms:
         outputs = [np.empty((len(z), size)) for size in sizes]
         steps = [self.size, self.size_p * (p.ndim - 1)], sizes
         pointers = _pointers([z, p], arguments), _pointers(outputs, results)
-        work, begin = np.empty(numbers + 1), time.perf_counter()
+        work = np.empty(numbers + 1)
         handle.many(
             *(getattr(handle, name), ctypes.c_longlong(len(z)), 2, len(outputs)),
             *(each for pair in zip(pointers, map(_steps, steps), strict=True) for each in pair),

@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, evaluate
+from geodesic_ocp.arrays import Array, ShortRepr, as_number
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.execution.link_pairs import (
     MARGIN,
     LinkPairs,
@@ -69,6 +70,10 @@ class Clearance(ShortRepr):
     def dof(self) -> int:
         """Number N of joints of all arms."""
         return int(self.function.size1_in(0))
+
+    def at(self, q: Array) -> Array:
+        """Return the distances (k, m) [m] at configurations (k, N)."""
+        return _terms(self.function).at("value", q, np.zeros(0), at_once=False)[1]
 
     def row(self, *indices: int) -> ca.Function:
         """Return one or more distances, as a function of (N,) with none of the others' operations.
@@ -146,6 +151,12 @@ def _rows(function: ca.Function, indices: tuple[int, ...]) -> ca.Function:
 
 
 @lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
+def _terms(function: ca.Function) -> Terms:
+    q, distances = _expressions(function)
+    return Terms(q, constraints=distances, lasting=True)
+
+
 def _expressions(function: ca.Function) -> tuple[ca.SX, ca.SX]:
     q = ca.SX.sym("q", function.size1_in(0))
     return q, function(q)
@@ -411,9 +422,9 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
         ValueError: q has the wrong shape.
     """
     points = as_configurations("q", q, clearance.dof)
-    distances = clearance.function(points.T).full() if len(points) else np.empty((0, 0))
+    distances = clearance.at(points).T
     least = clearance.lower + margin
-    rows, samples = np.nonzero(distances < least[: len(distances), None])
+    rows, samples = np.nonzero(distances < least[:, None])
     lower, found = least[rows], distances[rows, samples]
     if clearance.exact is not None:
         places = zip(samples.tolist(), rows.tolist(), lower.tolist(), strict=True)
@@ -437,7 +448,7 @@ def largest_lacks(clearance: Clearance, q: ArrayLike, enough: float = np.inf) ->
     """
     points = as_configurations("q", q, clearance.dof)
     found = np.zeros(len(points))
-    lacks = clearance.lower - clearance.function(points.T).full().T if len(points) else ()
+    lacks = clearance.lower - clearance.at(points)
     for k, (point, own) in enumerate(zip(points, lacks, strict=True)):
         for row in np.argsort(-own).tolist():
             if own[row] <= found[k] or found[k] > enough:
@@ -464,7 +475,7 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
     It is that of the exact geometry where the function is below its bound, and the least of all
     distances always is.
     """
-    distances = np.asarray(evaluate(clearance.function.map(len(q)), q.T))
+    distances = clearance.at(q).T
     samples = np.argmin(distances, axis=1)
     least = distances.min(axis=1)
     if clearance.exact is None:

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.model import rigid_body
 from geodesic_ocp.model.joints import without_noise
 
@@ -177,12 +178,12 @@ class SymbolicFunctions:
             sized = [as_vector(key, value, self._size(key)) for key, value in vectors.items()]
             return evaluate(function, *sized)
         count = len(vectors["q"])
-        columns = [self._columns(*each, count) for each in vectors.items()]
-        if count == 0:
-            found = [np.zeros((0, *function.size_out(k))) for k in range(function.n_out())]
-        else:
-            outputs = [out.full() for out in function.map(count).call(columns)]
-            found = [out.reshape(len(out), count, -1).transpose(1, 0, 2) for out in outputs]
+        rows = np.hstack([self._rows(*each, count) for each in vectors.items()])
+        shapes = [function.size_out(k) for k in range(function.n_out())]
+        ends = np.cumsum([rows_out * columns for rows_out, columns in shapes])[:-1]
+        (_, outputs) = _terms(function).at("value", rows, np.zeros(0), at_once=False)
+        parts = zip(np.split(outputs, ends, axis=1), shapes, strict=True)
+        found = [part.reshape(count, *shape[::-1]).swapaxes(1, 2) for part, shape in parts]
         return found[0] if len(found) == 1 else tuple(found)
 
     def _function(self, name: str, arguments: Iterable[str], *options: int) -> ca.Function:
@@ -196,16 +197,24 @@ class SymbolicFunctions:
     def _size(self, name: str) -> int:
         return 3 if name == "gravity" else self.pin.nv
 
-    def _columns(self, name: str, values: Any, count: int) -> Array:
-        """Return values (k, n), or the same vector (n,) k times, as columns (n, k)."""
+    def _rows(self, name: str, values: Any, count: int) -> Array:
+        """Return values (k, n), or the same vector (n,) k times."""
         size = self._size(name)
         if name == "gravity":
-            return np.tile(as_vector(name, values, size)[:, None], count)
+            return np.tile(as_vector(name, values, size), (count, 1))
         rows = np.asarray(values, dtype=float)
         if rows.shape != (count, size) or not np.all(np.isfinite(rows)):
             wanted = f"(k, {size}) with k = {count}"
             raise ValueError(f"{name} must be finite, of shape {wanted}, got {rows.shape}")
-        return rows.T
+        return rows
+
+
+@lru_cache(maxsize=256)
+def _terms(function: ca.Function) -> Terms:
+    """Return the outputs of an algorithm, one after the other by columns, in all arguments."""
+    arguments = function.sx_in()
+    outputs = ca.vertcat(*map(ca.vec, function.call(arguments)))
+    return Terms(ca.vertcat(*arguments), constraints=outputs, lasting=True)
 
 
 @dataclass(frozen=True)

@@ -427,19 +427,25 @@ class _BaseSearch:
                 speed = arm.speed[number] * duration
                 lines.append([1.0 / (duration * weights.action), late, *(1.0 / speed)])
         arm, torque = default[0], tuple(self.pairs[0].limits.torque.tolist())
+        misses = first + np.arange(len(places) * len(arm.rows)).reshape(len(places), -1)
+        exact = np.zeros(misses.shape)
         blocks = [
             Block(
                 _pose_terms(arm.arm, arm.hands, aligned[0], arm.rows, torque),
-                np.array(places),
+                np.hstack([places, misses]),
                 np.array(values),
+                exact,
+                exact,
             ),
             Block(_line_terms(arm.arm), np.array(steps), np.array(lines)),
         ]
         given = zip(start.arms, self._weights, start.layers, strict=True)
         q = np.vstack([best_candidates(*each, self._lacks).q for each in given])
         place, kept = start.place, dict[tuple[int, int], float]()
-        lower = np.concatenate([self.lower, np.tile(arm.arm.lower, len(q))])
-        upper = np.concatenate([self.upper, np.tile(arm.arm.upper, len(q))])
+        free, missed = np.full(misses.size, np.inf), np.zeros(misses.size)
+        lower = np.concatenate([self.lower, np.tile(arm.arm.lower, len(q)), -free])
+        upper = np.concatenate([self.upper, np.tile(arm.arm.upper, len(q)), free])
+        last = first + misses.size
         for number in range(_APART):
             more = self._small_distances(q)
             if number and more.keys() <= kept.keys():
@@ -447,9 +453,10 @@ class _BaseSearch:
             kept |= more
             slack = np.zeros(len(kept))
             bounds = np.append(lower, slack), np.append(upper, slack + np.inf)
-            program = BlockProgram(first + slack.size, blocks + self._distances(kept, first))
-            found = program.solve(np.hstack([place, q.ravel(), slack]), bounds, _IPOPT)
-            place, q = found.x[:4], found.x[4:first].reshape(-1, n)
+            program = BlockProgram(last + slack.size, blocks + self._distances(kept, last))
+            found = program.solve(np.hstack([place, q.ravel(), missed, slack]), bounds, _IPOPT)
+            place, q, missed, _ = np.split(found.x, [4, first, last])
+            q = q.reshape(-1, n)
         return np.clip(_rounded(place), self.lower, self.upper)
 
     def _small_distances(self, q: Array) -> dict[tuple[int, int], float]:
@@ -504,8 +511,8 @@ def _at(pair: PairedArm, alignments: Sequence[Alignment], factor: float) -> Pair
     return replace(moved, target_poses=moved.mapping(pair.analysis.motion.q))
 
 
-_IPOPT = {"tol": 1e-4, "max_iter": 200, "mu_init": 1e-2, "bound_mult_init_method": "mu-based"}
-_EXACT = 1e6  # weight of squared pose errors [1/m^2], [1/rad^2]
+_IPOPT = {"tol": 1e-4, "max_iter": 200, "mu_init": 1e-2, "mu_strategy": "adaptive"}
+_EXACT = 1e3  # root of the weight of squared pose errors [1/m], [1/rad]
 
 
 def _rounded(place: Array) -> Array:
@@ -547,12 +554,13 @@ def _pose_terms(
     )
     error = stacked_error(robot, hands, q, position, rotation, ca.SX.eye(3))[list(rows)]
     middle, half = middle_of_ranges(robot)
-    cost = _EXACT * ca.sumsqr(error) / 2.0 + weights[1] * ca.sumsqr((q - middle) / half) / robot.dof
+    missed = ca.SX.sym("missed", len(rows))
+    cost = ca.sumsqr(missed) / 2.0 + weights[1] * ca.sumsqr((q - middle) / half) / robot.dof
     cost += weakness(robot, q, torque, gravity_on(alignment))
     if count == 1 and has_elbow(robot, alignment):
         own = elbow_offset(robot, alignment, q, moved)
         cost += weights[0] * ca.sumsqr(own - turn @ offset)
-    return Terms(ca.vertcat(place, q), p, cost)
+    return Terms(ca.vertcat(place, q, missed), p, cost, error - missed / _EXACT)
 
 
 @lru_cache(maxsize=16)
