@@ -56,7 +56,7 @@ _STEPS = 20  # of inverse kinematics, from each of
 _STARTS = 6
 _MOST_POSES = 24  # that are counted
 _CHOSEN = 8  # mountings for which configurations are chosen
-_ROUGHLY, _BEST = 16, 2  # from so many starts; for the best of these, from as many as elsewhere
+_ROUGHLY = 8  # from so many starts; for the best of these, from as many as elsewhere
 # The best one is improved until all poses are within reach, with these factors of positions: the
 # first, or all where the scale is left to `retarget`.
 _ALONE, _FACTORS = 2, (1.0, 1.0, 0.95, 0.9)
@@ -272,8 +272,8 @@ class _BaseSearch:
         within = bool(np.all(self.lower <= 0.0) and np.all(self.upper >= 0.0))
         tried = [before] if within else []
         roughly = [self.mounted(*each, _ROUGHLY) for each in self._most_within_reach()]
-        for each in sorted(roughly, key=_rank)[:_BEST]:
-            tried.append(self.mounted(each.place, each.mirrored))
+        best = min(roughly, key=_rank)
+        tried.append(self.mounted(best.place, best.mirrored))
         found = min(tried, key=_rank)
         for factor in self.factors:
             polished = self._polished(found, factor)
