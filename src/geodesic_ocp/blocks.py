@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from typing import Any, TypeAlias, TypeVar
 
@@ -197,6 +197,20 @@ class Terms:
         if whole.n_instructions() > _LONG:
             return whole
         return ca.Function(name, arguments, [ca.cse(each) for each in dense])
+
+
+def at_rows(function: ca.Function, *rows: Array) -> Array:
+    """Return outputs of a function of vectors (k, .), one after the other by columns, for k rows of
+    each; compiled when it has been used for some time.
+    """
+    return _of_rows(function).at("value", np.hstack(rows), np.zeros(0), at_once=False)[1]
+
+
+@lru_cache(maxsize=256)
+def _of_rows(function: ca.Function) -> Terms:
+    arguments = function.sx_in()
+    outputs = ca.vertcat(*map(ca.vec, function.call(arguments)))
+    return Terms(ca.vertcat(*arguments), constraints=outputs, lasting=True)
 
 
 def _pointers(arrays: Sequence[Array], size: int) -> ctypes.Array[ctypes.c_void_p]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.distance import cdist
 
-from geodesic_ocp.arrays import Array, ShortRepr, evaluate
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
@@ -84,8 +85,8 @@ def joint_forces(
 
 def hand_speeds(robot: Model, q: Array, v: Array) -> Array:
     """Return speeds |J(q) v| of the hand, the largest of a body's, at states (k, n), (k,) [m/s]."""
-    velocities = np.asarray(evaluate(hand_velocity(robot).map(len(q)), q.T, v.T))
-    return np.asarray(np.linalg.norm(velocities.reshape(-1, 3, len(q)), axis=1).max(axis=0))
+    velocities = at_rows(hand_velocity(robot), q, v).reshape(len(q), -1, 3)
+    return np.asarray(np.linalg.norm(velocities, axis=2).max(axis=1))
 
 
 @lru_cache(maxsize=16)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number
-from geodesic_ocp.blocks import Terms
+from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.execution.link_pairs import (
     MARGIN,
     LinkPairs,
@@ -73,7 +73,7 @@ class Clearance(ShortRepr):
 
     def at(self, q: Array) -> Array:
         """Return the distances (k, m) [m] at configurations (k, N)."""
-        return _terms(self.function).at("value", q, np.zeros(0), at_once=False)[1]
+        return at_rows(self.function, q)
 
     def row(self, *indices: int) -> ca.Function:
         """Return one or more distances, as a function of (N,) with none of the others' operations.
@@ -151,12 +151,6 @@ def _rows(function: ca.Function, indices: tuple[int, ...]) -> ca.Function:
 
 
 @lru_cache(maxsize=8)
-@lru_cache(maxsize=64)
-def _terms(function: ca.Function) -> Terms:
-    q, distances = _expressions(function)
-    return Terms(q, constraints=distances, lasting=True)
-
-
 def _expressions(function: ca.Function) -> tuple[ca.SX, ca.SX]:
     q = ca.SX.sym("q", function.size1_in(0))
     return q, function(q)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from geodesic_ocp.arrays import Array, evaluate
-from geodesic_ocp.blocks import in_rounds
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import at_rows, in_rounds
 from geodesic_ocp.cells import Indices
 from geodesic_ocp.execution.arm_paths import (
     INSIDE,
@@ -386,7 +386,7 @@ def _distances(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
 
     def at(function: ca.Function, times: Array) -> Array:
         q = np.hstack([spline(times.ravel())[0] for spline in splines])
-        return np.asarray(evaluate(function.map(len(q)), q.T).T.reshape(*times.shape, -1))
+        return at_rows(function, q).reshape(*times.shape, -1)
 
     times = splines[0].within_pieces(_FEW)
     knots = at(clearance.function, np.append(times[:, 0], times[-1, -1]))

@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
-from geodesic_ocp.blocks import Terms
+from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.model import rigid_body
 from geodesic_ocp.model.joints import without_noise
 
@@ -178,11 +178,10 @@ class SymbolicFunctions:
             sized = [as_vector(key, value, self._size(key)) for key, value in vectors.items()]
             return evaluate(function, *sized)
         count = len(vectors["q"])
-        rows = np.hstack([self._rows(*each, count) for each in vectors.items()])
+        rows = (self._rows(*each, count) for each in vectors.items())
         shapes = [function.size_out(k) for k in range(function.n_out())]
-        ends = np.cumsum([rows_out * columns for rows_out, columns in shapes])[:-1]
-        (_, outputs) = _terms(function).at("value", rows, np.zeros(0), at_once=False)
-        parts = zip(np.split(outputs, ends, axis=1), shapes, strict=True)
+        ends = np.cumsum([height * width for height, width in shapes])[:-1]
+        parts = zip(np.split(at_rows(function, *rows), ends, axis=1), shapes, strict=True)
         found = [part.reshape(count, *shape[::-1]).swapaxes(1, 2) for part, shape in parts]
         return found[0] if len(found) == 1 else tuple(found)
 
@@ -207,14 +206,6 @@ class SymbolicFunctions:
             wanted = f"(k, {size}) with k = {count}"
             raise ValueError(f"{name} must be finite, of shape {wanted}, got {rows.shape}")
         return rows
-
-
-@lru_cache(maxsize=256)
-def _terms(function: ca.Function) -> Terms:
-    """Return the outputs of an algorithm, one after the other by columns, in all arguments."""
-    arguments = function.sx_in()
-    outputs = ca.vertcat(*map(ca.vec, function.call(arguments)))
-    return Terms(ca.vertcat(*arguments), constraints=outputs, lasting=True)
 
 
 @dataclass(frozen=True)

@@ -417,7 +417,7 @@ def _planned(
         success=iterate.success,
         status=iterate.status,
         kept=iterate.kept,
-        least_distances=rounds.clearance.at(q).min(axis=1),
+        least_distances=rounds.clearance.at(q).min(axis=0),
         too_near=lacking,
     )
 

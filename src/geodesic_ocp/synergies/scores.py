@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, rotation_vector
+from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.synergies.synergy import as_segments
@@ -314,8 +315,7 @@ def hand_twists(model: Model, motion: Motion) -> Array:
     q' is the motion's velocity, or the derivative of the spline through its samples if it has none.
     """
     velocity = motion(motion.time, 1) if motion.velocity is None else motion.velocity
-    twists = _twist(model).map(len(motion))(motion.q.T, velocity.T)
-    return np.asarray(twists.full().T)
+    return at_rows(_twist(model), motion.q, velocity)
 
 
 def hand_speeds(model: Model, motion: Motion) -> Array:

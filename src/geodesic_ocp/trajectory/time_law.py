@@ -22,7 +22,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector, evaluate
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
+from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
@@ -251,8 +252,7 @@ def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array
     if order == 1:
         speed, change = speeds_at(path.metric, *curve), np.zeros(0)
     else:
-        function = _speed_along(path.metric).map(s.size)
-        speed, change = (each[0] for each in evaluate(function, *(each.T for each in curve)))
+        speed, change = at_rows(_speed_along(path.metric), *curve).T
     per_speed = np.divide(1.0, speed, out=np.zeros_like(speed), where=speed > 0.0)
     rate = law(t, 1) * per_speed
     states = [curve[0], curve[1] * rate[:, None]]
