@@ -20,6 +20,8 @@ _IPOPT = {
     "print_level": 0,
     "sb": "yes",
     "honor_original_bounds": "yes",
+    # Multipliers of fixed variables would take another gradient in each iteration.
+    "fixed_variable_treatment": "make_parameter_nodual",
 }
 NO_VALUE = "not finite, or not differentiable"
 STOPPED = "the callback stopped Ipopt"
@@ -191,6 +193,14 @@ class Ipopt:
         success = success and all(np.all(np.isfinite(array)) for array in arrays)
         iterations, objective = int(stats["iter_count"]), float(result["f"])
         x, g, lam_x, lam_g = arrays
+        if (fixed := np.equal(values.get("lbx", -np.inf), values.get("ubx", np.inf))).any():
+            lam_x = np.where(fixed, -self._gradient(x, lam_g, values.get("p", [])), lam_x)
         return Outcome(
             success, status, iterations, seconds, objective, x, g, lam_x, lam_g, added[-1] > 0.0
         )
+
+    def _gradient(self, x: Array, lam_g: Array, p: Any) -> Array:
+        """Return the gradient of the Lagrangian (n,) without the bounds of the variables."""
+        _, gradient = self._solver.get_function("nlp_grad_f")(x, p)
+        _, jacobian = self._solver.get_function("nlp_jac_g")(x, p)
+        return np.asarray((gradient + jacobian.T @ ca.DM(lam_g)).full()[:, 0])
