@@ -201,6 +201,7 @@ class Ipopt:
 
     def _gradient(self, x: Array, lam_g: Array, p: Any) -> Array:
         """Return the gradient of the Lagrangian (n,) without the bounds of the variables."""
-        _, gradient = self._solver.get_function("nlp_grad_f")(x, p)
-        _, jacobian = self._solver.get_function("nlp_jac_g")(x, p)
-        return np.asarray((gradient + jacobian.T @ ca.DM(lam_g)).full()[:, 0])
+        at = [ca.DM(x), ca.DM(p)]
+        _, gradient = self._solver.get_function("nlp_grad_f").call(at)
+        _, jacobian = self._solver.get_function("nlp_jac_g").call(at)
+        return np.asarray((gradient.T + ca.DM(lam_g).T @ jacobian).full()[0])
