@@ -212,13 +212,6 @@ def test_segments_per_second_and_other_measures() -> None:
         study.means(confidence=95)
 
 
-def test_subjects_without_a_value_stay_in_the_table() -> None:
-    study = study_of(("a", "Ann", {"riemannian": 0.1}), ("b", "Bob", {"riemannian": None}))
-    table = study.by_subject()
-    assert table["recordings"].to_dict() == {"Ann": 1, "Bob": 1}
-    assert np.isnan(table.loc["Bob", OWN])
-
-
 @pytest.mark.slow
 def test_a_rate_of_segments_needs_a_duration(tmp_path: Path) -> None:
     errors = {"riemannian": 0.1, "euclidean_same_segments": 0.2}
