@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from short_reprs import check_reprs
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
+from geodesic_ocp.execution.arm_paths import joint_names
 from geodesic_ocp.retargeting.paired_arm import REACHED
 
 
@@ -508,11 +510,7 @@ def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Pat
     assert_allclose(found.arms[0].trajectory.time, found.arms[1].trajectory.time)
     assert len(found.synergies) == sum(len(arm.groups) for arm in found.arms)
     assert len(found.plot().subfigs) == 2
-    settings = go.RetargetingSettings(merge=0.4, drop=0.3)
-    twice = go.retargeting.retarget_arms(
-        analyses, [other, other], tolerance=LOOSE, settings=settings
-    )
-    assert len(set(twice.joint_names)) == 14
+    assert len(set(joint_names([SimpleNamespace(robot=other)] * 2))) == 14  # type: ignore[list-item]
     names = {file.name for file in found.save(tmp_path)}
     assert {"synergies_0.json", "synergies_1.json"} <= names
 

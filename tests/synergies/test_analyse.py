@@ -220,10 +220,7 @@ def test_joint_inertia_explains_a_recording_better_than_straight_lines(shared: P
 @pytest.mark.parametrize(
     ("name", "side"),
     [
-        ("hand_to_mouth_right_arm_01", "right"),
-        ("hand_to_mouth_right_arm_02", "right"),
         ("take_book_from_shelf_right_arm_03", "right"),
-        ("Trial_75", "right"),
         ("Trial_75", "left"),
     ],
 )
