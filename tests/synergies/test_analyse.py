@@ -102,7 +102,6 @@ def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
         assert is_shaded(axes, middles).tolist() == [k % 2 == 0 for k in range(middles.size)]
     assert len(path.get_lines()[0].get_xdata()) == len(bundled_analysis.motion)
     assert len([text for text in strip.texts if text.get_text().endswith(" s")]) > 5
-    assert len(bundled_analysis.plot().axes) == 4
 
 
 @pytest.mark.slow
