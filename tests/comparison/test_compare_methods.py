@@ -48,6 +48,7 @@ def comparison(recordings: list[go.recordings.Recording]) -> go.studies.MethodCo
     return go.studies.compare_methods(recordings, metrics())
 
 
+@pytest.mark.slow
 def test_geodesics_win_where_people_move_along_them(
     comparison: go.studies.MethodComparison,
 ) -> None:
@@ -91,6 +92,7 @@ def test_scores_are_those_of_the_methods(
     assert comparison.values("area")[1, 1] == go.synergies.score(rods, motion, straight).area
 
 
+@pytest.mark.slow
 def test_the_first_metric_cuts_unless_segments_are_given(
     recordings: list[go.recordings.Recording],
 ) -> None:
@@ -251,6 +253,7 @@ def test_motions_of_least_effort_are_computed_on_request(
             go.studies.compare_methods(recordings, metrics(), methods=wrong)
 
 
+@pytest.mark.slow
 def test_geodesics_need_the_fewest_numbers_where_people_move_along_them(
     recordings: list[go.recordings.Recording],
 ) -> None:

@@ -170,6 +170,7 @@ def test_parameters_of_a_users_metric() -> None:
     assert fit.metric(model) == Stretched(fit.values["stretch"])
 
 
+@pytest.mark.slow
 def test_parameters_from_cubics(tmp_path: Path) -> None:
     model = go.load_model(PLANAR, hand="hand")
     rng = np.random.default_rng(1)

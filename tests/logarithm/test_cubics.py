@@ -86,7 +86,11 @@ def test_the_plane_in_polar_coordinates_has_straight_cubics() -> None:
     np.testing.assert_allclose(motion(TIMES), expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("metric", [Sphere(), HalfPlane(), HUMAN], ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize(
+    "metric",
+    [Sphere(), HalfPlane(), pytest.param(HUMAN, marks=pytest.mark.slow)],
+    ids=lambda m: type(m).__name__,
+)
 def test_cubic_time_laws_on_geodesics_are_cubics(metric: go.Metric) -> None:
     """D_t^3 q' = s'''' e = 0 and R(s'' e, s' e) s' e = 0 along a geodesic with unit velocity e."""
     q = np.full(metric.dim, 0.8)
@@ -281,6 +285,7 @@ def test_the_equation_holds_for_metrics_of_users(metric: go.Metric) -> None:
     assert motion.certificate.locally_minimizing
 
 
+@pytest.mark.slow
 def test_motions_without_action_are_minimal() -> None:
     line = go.logarithm.geodesic_from_velocity(HUMAN, np.full(7, 0.3), np.linspace(0.5, -0.5, 7))
     along = go.cubic(HUMAN, line(0.0), line(0.0, 1), line(1.0), line(1.0, 1), 1.0)
@@ -327,6 +332,7 @@ def test_splines_in_tension_of_a_constant_metric(tension: float) -> None:
     assert motion.certificate.boundary_residual < 1e-9
 
 
+@pytest.mark.slow
 @given(st.floats(0.5, 60.0), st.integers(0, 1000))
 @FEW
 def test_splines_in_tension_satisfy_their_equation(tension: float, seed: int) -> None:

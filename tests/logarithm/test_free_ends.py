@@ -20,6 +20,7 @@ TIMES = np.array([0.0, 0.5, 0.9, 1.6])
 POINTS = np.array([[0.8, 0.2], [1.1, 0.7], [0.9, 1.0], [1.4, 1.2]])
 
 
+@pytest.mark.slow
 @given(st.sampled_from([Sphere(), HalfPlane()]), st.floats(0.0, 10.0), st.integers(0, 1000))
 @settings(max_examples=4)
 def test_jumps_of_the_hamiltonian_are_derivatives(

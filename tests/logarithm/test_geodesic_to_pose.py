@@ -51,6 +51,7 @@ def test_energy_equals_that_of_reach(
     assert_allclose(result.configuration, reach.path.nodes[-1], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_gradient_of_the_paper_needs_more_steps(
     arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
 ) -> None:

@@ -130,7 +130,8 @@ REACHES = {
 }
 
 
-@pytest.mark.parametrize("name", ["wrist", pytest.param("arm raised", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["wrist", "arm raised"])
 def test_reaches_stay_within_joint_limits(name: str, arm_metric: go.KineticEnergy) -> None:
     """The plain geodesic violates the limits; a smaller margin gives a smaller detour."""
     q0, q1 = REACHES[name]

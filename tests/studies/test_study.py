@@ -254,6 +254,7 @@ def test_rank_biserial_and_the_statistic_of_wilcoxon(differences: list[float]) -
     assert rank_biserial([-1.0, -2.0, 0.0]) == 1.0
 
 
+@pytest.mark.slow
 @given(st.integers(0, 50), st.randoms(use_true_random=False))
 @settings(max_examples=1)
 def test_the_order_of_rows_changes_nothing(seed: int, random: object) -> None:
@@ -267,6 +268,7 @@ def test_the_order_of_rows_changes_nothing(seed: int, random: object) -> None:
     assert_frame_equal(one.synergy_statistics(), other.synergy_statistics())
 
 
+@pytest.mark.slow
 def test_recordings_that_are_repeated_give_no_more_pairs() -> None:
     """Copies of all recordings of one subject change neither means nor p-values."""
     recordings, _ = drawn(7, 5, 2)

@@ -342,6 +342,7 @@ def test_segments_can_be_given(planar: tuple[go.Model, go.Motion]) -> None:
         go.analyse(arm, motion, segments=[(0, 50), (60, 120)])
 
 
+@pytest.mark.slow
 def test_a_motion_is_cut_by_a_function_that_is_named(planar: tuple[go.Model, go.Motion]) -> None:
     arm, motion = planar
     motion = motion.filtered()

@@ -108,6 +108,7 @@ def test_error_is_that_of_the_reconstruction(
         assert own.q == pytest.approx(predicted.q, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_no_cut_can_be_moved_by_a_sample_for_the_better(
     found: dict[str, go.synergies.OptimalSegmentations], arm: go.Model, motion: go.Motion
 ) -> None:

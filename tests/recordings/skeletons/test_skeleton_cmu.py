@@ -81,6 +81,7 @@ def angle_between(first: Array, second: Array) -> Array:
     return np.arctan2(crossed, np.sum(first * second, axis=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_models_arm_follows_the_skeletons(
     side: Side, orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
