@@ -161,6 +161,7 @@ def test_a_method_that_fails_is_left_out(
     assert all(np.isnan(row[4]) for row in rows_of_table(nothing.table()))
 
 
+@pytest.mark.slow
 def test_one_recording_needs_no_list(recordings: list[go.recordings.Recording]) -> None:
     alone, listed = (
         go.studies.compare_methods(given, metrics()) for given in (recordings[0], recordings[:1])

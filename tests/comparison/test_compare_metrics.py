@@ -71,6 +71,7 @@ def test_the_online_rule_is_a_point_with_its_own_cuts(
         assert (rule, found) == ("online", expected)
 
 
+@pytest.mark.slow
 def test_chosen_counts_can_be_refined(
     comparison: go.studies.MetricComparison, arm: go.Model, motion: go.Motion
 ) -> None:

@@ -207,6 +207,7 @@ def test_joint_inertia_from_noisy_cubics(arm: go.Model, true_metric: go.Metric) 
     assert interval.low < interval.high
 
 
+@pytest.mark.slow
 def test_solutions_that_are_worse_than_their_start_are_refused() -> None:
     model = go.load_model(PLANAR, hand="hand")
     rng = np.random.default_rng(1)
@@ -260,6 +261,7 @@ def test_derivatives_of_the_least_errors(noisy_fit: go.fitting.MetricFit) -> Non
     assert found.hessians[:, 0, 0] == pytest.approx(second, abs=0.02 * np.abs(second).max())
 
 
+@pytest.mark.slow
 def test_a_metric_that_is_not_linear_in_its_parameter() -> None:
     """The equations of each recording have second derivatives by the parameter alone."""
     model, rng = go.load_model(PLANAR, hand="hand"), np.random.default_rng(1)

@@ -103,6 +103,7 @@ def test_cubic_time_laws_on_geodesics_are_cubics(metric: go.Metric) -> None:
     np.testing.assert_allclose(motion(TIMES), line(s(TIMES)), atol=1e-8)
 
 
+@pytest.mark.slow
 def test_cubics_of_rotations_are_lie_quadratics() -> None:
     """The body's angular velocity satisfies V'' = V' x V + C (Noakes, 2003)."""
     metric = Rotations()
@@ -347,6 +348,7 @@ def test_splines_in_tension_satisfy_their_equation(tension: float, seed: int) ->
     np.testing.assert_allclose(motion(times), points, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_splines_tend_to_geodesics_as_the_tension_grows() -> None:
     """Within 1 / tension of the knots the speed changes; elsewhere it is a piecewise geodesic."""
     times, points = [0.0, 0.4, 1.0], np.array([[0.8, 0.0], [1.3, 0.9], [0.7, 1.6]])

@@ -6,7 +6,6 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from short_reprs import check_reprs
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.arm_paths import joint_names
 from geodesic_ocp.retargeting.paired_arm import REACHED
 
 
@@ -495,24 +493,6 @@ def test_reprs_are_short(found: go.retargeting.Retargeting) -> None:
         go.retargeting.RetargetedArm,
         go.retargeting.SynergyGroup,
     }
-
-
-@pytest.mark.slow
-def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Path) -> None:
-    other = go.human_arm("left", 1.8)
-    analyses = [analysis, analysis]
-    found = go.retargeting.retarget_arms(
-        analyses, [other, robot], tolerance=LOOSE, settings=SETTINGS
-    )
-    assert [arm.mapping.mirror for arm in found.arms] == [False, True]
-    assert found.motion.joint_names == (*other.joint_names, *robot.joint_names)
-    assert found.motion.q.shape[1] == 14
-    assert_allclose(found.arms[0].trajectory.time, found.arms[1].trajectory.time)
-    assert len(found.synergies) == sum(len(arm.groups) for arm in found.arms)
-    assert len(found.plot().subfigs) == 2
-    assert len(set(joint_names([SimpleNamespace(robot=other)] * 2))) == 14  # type: ignore[list-item]
-    names = {file.name for file in found.save(tmp_path)}
-    assert {"synergies_0.json", "synergies_1.json"} <= names
 
 
 @pytest.mark.slow

@@ -48,9 +48,12 @@ def by_name(outcomes: Iterator[RecordingOutcome]) -> dict[str, RecordingOutcome]
 
 @pytest.mark.slow
 def test_processes_that_die_twice_are_named_with_their_recordings(folder: Path) -> None:
-    given = tasks(folder, 4)
+    """One that dies once costs nothing: by the signal by which the executor ends them itself."""
+    flag = folder / "flag"
+    given = tasks(folder, 5)
     given[1] = task(folder, "killed.csv", DeadlyPath(signal.SIGKILL))
     given[2] = task(folder, "ended.csv", DeadlyPath(0))
+    given[4] = task(folder, "once.csv", DeadlyPath(signal.SIGTERM, flag))
     found = by_name(in_processes(iter(given), 2))
     assert set(found) == {each.source.file for each in given}
     for name, words in (
@@ -61,17 +64,7 @@ def test_processes_that_die_twice_are_named_with_their_recordings(folder: Path) 
         assert dead.kind == "process"
         assert words in dead.text
     assert {each.kind for each in found.values()} == {"file"}  # there is no such file
-
-
-@pytest.mark.slow
-def test_a_process_that_dies_once_costs_nothing(folder: Path) -> None:
-    """By the signal by which the executor ends processes itself."""
-    flag = folder / "flag"
-    given = [*tasks(folder, 3), task(folder, "deadly.csv", DeadlyPath(signal.SIGTERM, flag))]
-    found = by_name(in_processes(iter(given), 2))
     assert flag.exists()
-    assert set(found) == {each.source.file for each in given}
-    assert all(each.kind != "process" for each in found.values())
 
 
 @pytest.mark.slow

@@ -331,6 +331,7 @@ def test_methods_of_second_order_are_tested_against_what_receives_the_same() -> 
     assert len(everything) == 3
 
 
+@pytest.mark.slow
 def test_a_passive_arm_is_left_out_and_said_to_be(tmp_path: Path) -> None:
     """Unless all are passive, as then nothing would remain."""
 

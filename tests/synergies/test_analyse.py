@@ -291,6 +291,7 @@ def test_geodesics_do_not_depend_on_the_unit_of_mass(planar: tuple[go.Model, go.
     assert ratio == pytest.approx(1.1**2, rel=2e-3)  # the reach is found numerically
 
 
+@pytest.mark.slow
 def test_each_metric_is_compared_with_the_others(planar: tuple[go.Model, go.Motion]) -> None:
     arm, motion = planar
     kinetic, flat = (go.analyse(arm, motion, metric=name) for name in ("kinetic", "euclidean"))
