@@ -67,6 +67,7 @@ def test_geodesics_win_where_people_move_along_them(
     assert reverse.mean_difference == pytest.approx(-test.mean_difference)
 
 
+@pytest.mark.slow
 def test_recordings_of_a_subject_are_one_pair(comparison: go.studies.MethodComparison) -> None:
     tests = comparison.tests("position_mean")
     assert list(tests) == [name for name in comparison.methods if name != LINES]

@@ -55,6 +55,7 @@ def test_every_metric_has_its_own_optimal_cuts_and_their_errors_in_all_measures(
         assert curve["orientation"][5] == pytest.approx(errors.orientation, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_online_rule_is_a_point_with_its_own_cuts(
     comparison: go.studies.MetricComparison,
     arm: go.Model,

@@ -65,6 +65,7 @@ def check(playback: Playback) -> None:
             assert np.all(np.isfinite(curve.values))
 
 
+@pytest.mark.slow
 def test_the_arm_follows_the_path() -> None:
     playback = path_playback(STRAIGHT)
     check(playback)

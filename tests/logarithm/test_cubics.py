@@ -120,6 +120,7 @@ def test_cubics_of_rotations_are_lie_quadratics() -> None:
     np.testing.assert_allclose(turn, Rotation.from_euler("XYZ", ends[1]).as_matrix(), atol=1e-9)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 @FEW
 def test_cubics_of_an_arm_satisfy_their_equation(seed: int) -> None:

@@ -77,6 +77,7 @@ def test_position_alone_costs_less(
     assert free.energy == pytest.approx(reach.stats.energy, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_initial_guess_from_inverse_kinematics(
     arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
 ) -> None:

@@ -108,6 +108,7 @@ def test_the_boundary_is_infinitely_distant(length: float) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_length_bounds_the_approach(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:

@@ -267,6 +267,7 @@ def test_unhashable_options_are_named_and_lists_accepted() -> None:
     assert PlaneAroundDisc().nlp(go.Grid(8, 4), start).grid.segments == 8
 
 
+@pytest.mark.slow
 def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
     display = pytest.importorskip("IPython.display")

@@ -78,6 +78,7 @@ def test_the_exponent_is_that_of_the_planted_constants(exponent: float) -> None:
     assert refuted["the same in kg m^2"] == (exponent == 1.0)
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_exponent_is_that_of_a_regression() -> None:
     study = people(1.0, deviation=0.3)
     subjects = study.joint_inertia().iloc[:-1]
