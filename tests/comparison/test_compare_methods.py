@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 import pytest
 from known_models import planar_arm
-from short_reprs import check_reprs
 from table_rows import header_of, rows_of_table
 
 import geodesic_ocp as go
@@ -128,7 +127,6 @@ def test_tables(comparison: go.studies.MethodComparison) -> None:
     assert rows_of_table(tests)[0][1] == "3 of 3"
     assert "note" not in header_of(tests)
     assert tests.attrs["note"].count("3 pairs that differ cannot reach") == 1
-    assert go.studies.MethodComparison in check_reprs([comparison])
 
 
 def test_a_method_that_fails_is_left_out(
@@ -276,7 +274,6 @@ def test_geodesics_need_the_fewest_numbers_where_people_move_along_them(
     )
     # A geodesic with a cubic time law is a Riemannian cubic: both are exact up to rounding.
     assert found.wins[[0, 2, 4], 1].sum() == 2
-    assert go.studies.EqualNumbers in check_reprs([found])
     with pytest.raises(ValueError, match="numbers must be positive"):
         go.studies.compare_at_equal_numbers(recordings, numbers=(0.0,))
     with pytest.raises(ValueError, match="recordings must be one or more"):

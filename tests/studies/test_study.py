@@ -10,7 +10,6 @@ import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pandas.testing import assert_frame_equal
-from short_reprs import check_reprs
 from studies.study_rows import LABELS, drawn, rows_of, study_of_rows
 
 from geodesic_ocp.studies.paired_test import holm, rank_biserial
@@ -187,15 +186,6 @@ def test_subjects_without_a_value_keep_their_row() -> None:
     assert rows[OWN].isna().to_dict() == {"Ann": False, "Bob": True}
 
 
-def test_recordings_without_duration_have_no_rate() -> None:
-    errors = {"riemannian": 0.1}
-    study = study_of_rows(
-        row for name in "ab" for row in rows_of(name, name, errors, duration_s=0.0)
-    )
-    with pytest.raises(ValueError, match="segments_per_second"):
-        study.means("segments_per_second")
-
-
 def test_segments_per_second_and_other_measures() -> None:
     study = study_of(("a", "Ann", {"riemannian": 0.1}), ("b", "Bob", {"riemannian": 0.3}))
     means = study.means("segments_per_second", "position", "orientation")["mean"]
@@ -313,10 +303,6 @@ def test_the_spread_under_noise_is_stated_where_it_is_known() -> None:
     assert "1 recording, 90 %" in note
     assert "1.0 to 4.0 synergies, where the analyses have 2.0" in note
     assert "0.02 to 0.05 rad, where they have 0.03; 1 of 1 cuts are stable" in note
-
-
-def test_reprs_are_short() -> None:
-    assert StudyResult in check_reprs([study_of_rows(*drawn(0, 3, 2))])
 
 
 def test_methods_of_second_order_are_tested_against_what_receives_the_same() -> None:
