@@ -141,7 +141,7 @@ def test_solution_is_shown(problem: go.Problem, solution: go.Solution) -> None:
     (scene,) = playback.scenes
     assert type(problem).__name__ in playback.title
     assert len(scene.solids) == len(problem.obstacles)
-    if problem.metric.dim > 2 and hasattr(problem.metric, "model"):
+    if problem.metric.dim > 2 and not isinstance(problem.metric, go.Euclidean):
         assert scene.actors
         assert bool(scene.gaps) == bool(problem.obstacles)
     assert len(scene.trails) >= 1
