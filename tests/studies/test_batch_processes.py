@@ -63,8 +63,9 @@ def test_processes_that_die_twice_are_named_with_their_recordings(folder: Path) 
         dead = found.pop(name)
         assert dead.kind == "process"
         assert words in dead.text
-    assert {each.kind for each in found.values()} == {"file"}  # there is no such file
     assert flag.exists()
+    assert found.pop("once.csv").kind != "process"
+    assert {each.kind for each in found.values()} == {"file"}  # there is no such file
 
 
 @pytest.mark.slow
