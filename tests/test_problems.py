@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from drawing.test_path_scenes import check
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.solve import problem_classes
@@ -100,8 +101,8 @@ def test_energy_converges_with_the_grid(problem: go.Problem, solution: go.Soluti
 
 
 @pytest.mark.slow
-def test_conditions_hold_between_the_nodes(problem: go.Problem) -> None:
-    refined = go.solve(problem, tolerance=1e-6)
+def test_conditions_hold_between_the_nodes(problem: go.Problem, solution: go.Solution) -> None:
+    refined = go.solve(problem, tolerance=1e-6, guess=solution)
     assert refined.stats.max_path_violation <= 1e-6
 
 
@@ -131,6 +132,19 @@ def test_figure_has_labels_and_is_written(solution: go.Solution, tmp_path: Path)
     figure = solution.plot()
     assert all(axes.get_ylabel() for axes in figure.axes if axes.axison and len(axes.get_yticks()))
     figure.savefig(tmp_path / "picture.png", dpi=20)
+
+
+@pytest.mark.slow
+def test_solution_is_shown(problem: go.Problem, solution: go.Solution) -> None:
+    playback = playback_of(solution)
+    check(playback)
+    (scene,) = playback.scenes
+    assert type(problem).__name__ in playback.title
+    assert len(scene.solids) == len(problem.obstacles)
+    if problem.metric.dim > 2 and not isinstance(problem.metric, go.Euclidean):
+        assert scene.actors
+        assert bool(scene.gaps) == bool(problem.obstacles)
+    assert len(scene.trails) >= 1
 
 
 @pytest.mark.slow

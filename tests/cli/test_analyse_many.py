@@ -27,6 +27,16 @@ def data(tmp_path: Path) -> Path:
     return tmp_path / "data"
 
 
+@pytest.fixture
+def _here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this process, as others take seconds to start."""
+
+    def here(*given: Any, **more: Any) -> BatchResult:
+        return analyse_recordings(*given, **(more | {"executor": Here()}))
+
+    monkeypatch.setattr(analyse_command, "analyse_recordings", here)
+
+
 @pytest.mark.slow
 def test_a_folder_is_analysed_and_again_nothing(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -49,6 +59,7 @@ def test_a_folder_is_analysed_and_again_nothing(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_here")
 def test_patterns_and_several_files(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -91,6 +102,7 @@ def test_wrong_options_end_with_one_line(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_here")
 def test_one_file_with_options_of_many_is_one_of_many(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -122,15 +134,11 @@ def test_both_arms_of_one_recording_have_a_figure_each(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_here")
 def test_every_file_that_is_left_out_is_on_the_screen(
-    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Also one whose motion turns out to be that of another, with another height."""
-
-    def here(*given: Any, **more: Any) -> BatchResult:
-        return analyse_recordings(*given, **(more | {"executor": Here()}))
-
-    monkeypatch.setattr(analyse_command, "analyse_recordings", here)
     text = (data / "S0_reach.csv").read_text()
     (data / "S3_reach.csv").write_text(text.replace("# unit: rad", "# unit: rad\n# height: 1.6"))
     command = ["analyse", str(data), "--out", str(tmp_path / "out"), "--metric", "euclidean"]

@@ -19,7 +19,7 @@ from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 @pytest.mark.slow
 def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arm, time = go.human_arm("right", HEIGHT), np.arange(90) / 50.0
+    arm, time = go.human_arm("right", HEIGHT), np.arange(60) / 50.0
     q = angles(arm, time)
     markers = marked(arm, q, time, MMM_MARKERS)
     header = ",".join(f"{name}_{axis}" for name in markers.names for axis in "xyz")
@@ -52,7 +52,7 @@ def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.slow
 def test_a_marker_set_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arm, time = go.human_arm("right", HEIGHT), np.arange(60) / 50.0
+    arm, time = go.human_arm("right", HEIGHT), np.arange(40) / 50.0
     markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
     names = [f"point {column}" for column in range(len(markers.names))]
     places = {
@@ -65,7 +65,7 @@ def test_a_marker_set_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[
     file = tmp_path / "markers.csv"
     lines = [",".join(map(repr, map(float, row))) for row in rows]
     file.write_text("\n".join(["# unit: m", f"time,{header}", *lines]))
-    given = ["analyse", str(file), "--height", str(HEIGHT)]
+    given = ["analyse", str(file), "--height", str(HEIGHT), "--metric", "euclidean"]
     assert cli.main(given) == 2
     assert "say where they are" in capsys.readouterr().err
     assert cli.main([*given, "--marker-set", str(marker_set)]) == 0

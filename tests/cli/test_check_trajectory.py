@@ -124,6 +124,7 @@ def test_gravity_is_given_or_that_of_the_alignment(
 ONE_JOINT = "joint_limits: {turn: {has_velocity_limits: true, max_velocity: 1.0}}"
 
 
+@pytest.mark.slow
 def test_shares_and_files_of_moveit_limit_joints_and_hand(
     files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -130,6 +130,7 @@ def test_filters_are_options(short_file: Path, capsys: pytest.CaptureFixture[str
     assert "mean errors against the observed recording" in as_it_is
 
 
+@pytest.mark.slow
 def test_settings_of_the_segmentation_are_options(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -348,7 +349,8 @@ def test_uneven_samples_are_resampled_on_request(
     def delayed(rows: list[list[str]]) -> list[list[str]]:
         return [[str(float(row[0]) + 0.006 * (i > 40)), *row[1:]] for i, row in enumerate(rows)]
 
-    command = ["analyse", str(altered(short_file, rows=delayed)), "--side", "left"]
+    file = altered(short_file, rows=delayed)
+    command = ["analyse", str(file), "--side", "left", "--metric", "euclidean"]
     assert cli.main(command) == 2
     assert "--resample on the command line" in capsys.readouterr().err
     assert cli.main([*command, "--resample", "100"]) == 0

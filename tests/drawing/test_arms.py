@@ -221,9 +221,8 @@ def test_a_strip_is_to_scale_and_marks_targets(lifted: Postures) -> None:
     assert len(hatched) == 3  # the table below each
 
 
-@pytest.mark.parametrize(
-    "style", ["default", pytest.param("dark_background", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("style", ["default", "dark_background"])
 def test_what_is_written_in_a_strip_is_read_on_white_and_on_black(
     style: str, lifted: Postures
 ) -> None:

@@ -68,6 +68,7 @@ def test_directions_of_no_motion_are_thin() -> None:
     assert_allclose(lengths[1, :2], thin)
 
 
+@pytest.mark.slow
 def test_a_motion_with_both_hands_has_two() -> None:
     arms = go.human_upper_body()
     assert len(mobility_ellipsoids(arms, np.zeros((1, arms.dof)))) == 2

@@ -52,6 +52,7 @@ def test_the_arm_is_drawn_along_the_path_and_where_it_is_nearest(path: go.Path) 
     assert len(draw_path(path, "while it is found", arms=False).axes) == 3
 
 
+@pytest.mark.slow
 def test_a_planar_arm_is_drawn_over_itself_in_metres() -> None:
     arm = planar_arm((0.5, 0.2), (1.0, 1.0), (0.2, 0.1), (0.01, 0.01))
     figure = go.geodesic(go.KineticEnergy(arm), [0.0, 0.4], [0.8, 1.0]).plot()

@@ -14,7 +14,6 @@ from known_models import planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.drawing.path_scenes import UNIT_BALLS, path_playback, solution_playback
 from geodesic_ocp.drawing.scene import PARAMETER, Playback
 
@@ -66,40 +65,7 @@ def check(playback: Playback) -> None:
             assert np.all(np.isfinite(curve.values))
 
 
-def problems() -> list[Any]:
-    """All of the gallery; those that take seconds are slow."""
-    found = []
-    for file in sorted(GALLERY.glob("*.py")):
-        for problem_class in problem_classes(file):
-            if not issubclass(problem_class, go.Problem):
-                continue
-            name = problem_class.__name__
-            slow = [pytest.mark.slow] if name in ("PandaBox", "ViaPoint") else []
-            found.append(pytest.param(problem_class, marks=slow, id=name))
-    return found
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("problem_class", problems())
-def test_every_problem_of_the_gallery_is_shown(problem_class: Any) -> None:
-    try:
-        problem = problem_class()
-    except ValueError as reason:
-        if "not installed" not in str(reason):
-            raise
-        pytest.skip(str(reason))
-    solution = go.solve(problem)
-    playback = solution_playback(solution)
-    check(playback)
-    (scene,) = playback.scenes
-    assert problem_class.__name__ in playback.title
-    assert len(scene.solids) == len(problem.obstacles)
-    if problem.metric.dim > 2:
-        assert scene.actors
-        assert bool(scene.gaps) == bool(problem.obstacles)
-    assert len(scene.trails) >= 1
-
-
 def test_the_arm_follows_the_path() -> None:
     playback = path_playback(STRAIGHT)
     check(playback)

@@ -76,6 +76,7 @@ def test_names_that_no_file_can_hold_are_made_plain() -> None:
     assert {"a b", "t  [s]"} <= set(texts(ElementTree.fromstring(svg)))
 
 
+@pytest.mark.slow
 def test_every_second_span_is_shaded() -> None:
     curve = Curve("c", TIME, TIME, "observed")
     bare, _ = drawn(curve)

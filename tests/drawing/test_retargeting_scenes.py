@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -19,6 +21,7 @@ from geodesic_ocp.drawing.retargeting_scenes import (
     retargeting_playback,
 )
 from geodesic_ocp.drawing.scene import Playback, Scene, Trail
+from geodesic_ocp.execution.arm_paths import joint_names
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 EXACT = 1e-12  # [m], rounding
@@ -224,6 +227,21 @@ def test_mobility_ellipsoids_are_at_the_hand(
         wanted = jacobian[:3] @ np.linalg.solve(tensor, jacobian[:3].T)
         ratio = np.linalg.eigvalsh(image)[-1] / np.linalg.eigvalsh(wanted)[-1]
         assert_allclose(image, ratio * wanted, atol=0.02 * np.abs(image).max())
+
+
+def test_both_arms_have_one_trajectory_and_files_of_their_own(tmp_path: Path) -> None:
+    found = both_arms()
+    arms = found.arms
+    names = [arm.robot.joint_names for arm in arms]
+    assert found.motion.joint_names == (*names[0], *names[1])
+    assert found.motion.q.shape[1] == 14
+    assert_allclose(arms[0].trajectory.time, arms[1].trajectory.time)
+    assert len(found.synergies) == sum(len(arm.groups) for arm in arms)
+    assert len(found.plot().subfigs) == 2
+    one = SimpleNamespace(robot=arms[0].robot)
+    assert len(set(joint_names([one, one]))) == 14  # type: ignore[list-item]
+    files = {file.name for file in found.save(tmp_path)}
+    assert {"synergies_0.json", "synergies_1.json"} <= files
 
 
 def test_both_arms_are_those_of_one_person() -> None:

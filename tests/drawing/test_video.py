@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -251,7 +252,7 @@ def test_neither_screen_nor_window_is_needed(tmp_path: Path) -> None:
     )
     file = tmp_path / "x.png"
     here = str(Path(__file__).parent)
-    clean = {"PYTHONPATH": here, "MPLCONFIGDIR": str(tmp_path), "PATH": ""}
+    clean = {"PYTHONPATH": here, "MPLCONFIGDIR": matplotlib.get_cachedir(), "PATH": ""}
     subprocess.run([sys.executable, "-c", code, str(file)], env=clean, check=True)
     assert file.is_file()
 

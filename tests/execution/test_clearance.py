@@ -88,6 +88,7 @@ def test_neighbours_are_no_pairs_and_all_others_are(found: LinkPairs) -> None:
     assert found.unknown == ()
 
 
+@pytest.mark.slow
 def test_pairs_that_the_srdf_of_a_robot_disables_are_exempt(tmp_path: Path) -> None:
     """For any reason but "Default", the default configuration being one of many."""
     disabled = [("base", "two", "Never"), ("three", "one", "Default"), ("base", "gone", "User")]

@@ -216,6 +216,7 @@ def test_rates_of_torques_are_limited(zigzag: PlannedTrajectory) -> None:
     assert found.usage[0].torque_rate.max() >= 0.95
 
 
+@pytest.mark.slow
 def test_the_speed_of_the_hand_is_limited(zigzag: PlannedTrajectory) -> None:
     (free,) = zigzag.arms
 

@@ -212,6 +212,7 @@ def test_joints_of_a_file_that_do_not_move_are_locked() -> None:
     assert result.largest_error.max() < 1e-4
 
 
+@pytest.mark.slow
 def test_trajectories_of_more_joints_and_with_prefixes(arm: go.Model) -> None:
     trajectory = reach(arm, 0.5)
     both = JointTrajectory.side_by_side(

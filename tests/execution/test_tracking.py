@@ -103,6 +103,7 @@ def test_no_limit_is_exceeded_whatever_the_targets(seed: int, fastest: float, mo
     assert_within(arm, limits, found)
 
 
+@pytest.mark.slow
 def test_far_target_stretches_the_arm_without_shaking(arm: go.Model, limits: JointLimits) -> None:
     """At the singularity of the stretched arm, out of reach, the arm comes to rest."""
     time = np.array([0.0, 4.0])

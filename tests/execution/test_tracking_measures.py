@@ -81,6 +81,7 @@ def test_smoothness_depends_on_the_shape_of_the_speed_alone() -> None:
     assert np.isnan(spectral_arc_length(np.zeros(50), 100.0))
 
 
+@pytest.mark.slow
 def test_comparison_is_under_equal_limits(arm: go.Model) -> None:
     """Of a motion that is slower than the person's, to which the hand can be tracked."""
     low = (arm.lower + arm.upper) / 2.0

@@ -97,15 +97,20 @@ def test_standard_errors_agree_with_repeated_experiments(
 @pytest.mark.slow
 def test_parameters_that_trade_off_are_named(noisy: list[Any]) -> None:
     """Joint inertia and body mass scale the metric together: only their ratio matters."""
-    mass = go.fitting.Parameter("mass_ratio", 1.3, lower=0.01)
+    mass = go.fitting.Parameter("mass_ratio", 1.0, lower=0.01)
     fit = fitted(
-        noisy[0], parameters=[go.fitting.Parameter("joint_inertia", 0.03), mass], free_ends=True
+        *noisy, parameters=[go.fitting.Parameter("joint_inertia", 0.03), mass], free_ends=True
     )
     ratio = fit.values["joint_inertia"] / fit.values["mass_ratio"]
     assert ratio == pytest.approx(TRUE, rel=0.15)
     (sentence,) = fit.undetermined
     assert "joint_inertia and mass_ratio in combination only" in sentence
     assert all(np.isinf(each.standard_error) for each in fit.estimates)
+    for interval in go.fitting.bootstrap_fit(fit, 20):
+        assert (interval.low, interval.high) == (0.0, np.inf)
+    # The initial values are changed by the same factor, in opposite directions.
+    first, second = fit.values["joint_inertia"] / 0.03, fit.values["mass_ratio"]
+    assert first * second == pytest.approx(1.0, rel=0.05)
 
 
 @pytest.mark.slow
@@ -170,6 +175,7 @@ def test_parameters_of_a_users_metric() -> None:
     assert fit.metric(model) == Stretched(fit.values["stretch"])
 
 
+@pytest.mark.slow
 def test_parameters_from_cubics(tmp_path: Path) -> None:
     model = go.load_model(PLANAR, hand="hand")
     rng = np.random.default_rng(1)
@@ -204,10 +210,9 @@ def test_joint_inertia_from_noisy_cubics(arm: go.Model, true_metric: go.Metric) 
         assert each.values["joint_inertia"] == pytest.approx(TRUE, rel=0.3)
     (interval,) = go.fitting.bootstrap_fit(fit, 50)
     assert interval.low < interval.high
-    for each in go.fitting.leave_one_out(fit).left_out:
-        assert each.errors.joint < each.straight_lines.joint
 
 
+@pytest.mark.slow
 def test_solutions_that_are_worse_than_their_start_are_refused() -> None:
     model = go.load_model(PLANAR, hand="hand")
     rng = np.random.default_rng(1)
@@ -261,6 +266,7 @@ def test_derivatives_of_the_least_errors(noisy_fit: go.fitting.MetricFit) -> Non
     assert found.hessians[:, 0, 0] == pytest.approx(second, abs=0.02 * np.abs(second).max())
 
 
+@pytest.mark.slow
 def test_a_metric_that_is_not_linear_in_its_parameter() -> None:
     """The equations of each recording have second derivatives by the parameter alone."""
     model, rng = go.load_model(PLANAR, hand="hand"), np.random.default_rng(1)
@@ -412,19 +418,6 @@ def test_the_estimate_does_not_depend_on_the_initial_value(noisy: list[Any]) -> 
         for start in (0.01, 0.03, 0.3)
     ]
     assert values == pytest.approx(3 * [values[0]], rel=1e-4)
-
-
-@pytest.mark.slow
-def test_nothing_is_known_of_undetermined_parameters(noisy: list[Any]) -> None:
-    mass = go.fitting.Parameter("mass_ratio", 1.0, lower=0.01)
-    fit = fitted(
-        *noisy, parameters=[go.fitting.Parameter("joint_inertia", 0.03), mass], free_ends=True
-    )
-    for interval in go.fitting.bootstrap_fit(fit, 20):
-        assert (interval.low, interval.high) == (0.0, np.inf)
-    # The initial values are changed by the same factor, in opposite directions.
-    first, second = fit.values["joint_inertia"] / 0.03, fit.values["mass_ratio"]
-    assert first * second == pytest.approx(1.0, rel=0.05)
 
 
 def test_heterogeneity_is_cochrans() -> None:

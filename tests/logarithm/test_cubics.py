@@ -86,7 +86,11 @@ def test_the_plane_in_polar_coordinates_has_straight_cubics() -> None:
     np.testing.assert_allclose(motion(TIMES), expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("metric", [Sphere(), HalfPlane(), HUMAN], ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize(
+    "metric",
+    [Sphere(), HalfPlane(), pytest.param(HUMAN, marks=pytest.mark.slow)],
+    ids=lambda m: type(m).__name__,
+)
 def test_cubic_time_laws_on_geodesics_are_cubics(metric: go.Metric) -> None:
     """D_t^3 q' = s'''' e = 0 and R(s'' e, s' e) s' e = 0 along a geodesic with unit velocity e."""
     q = np.full(metric.dim, 0.8)
@@ -99,6 +103,7 @@ def test_cubic_time_laws_on_geodesics_are_cubics(metric: go.Metric) -> None:
     np.testing.assert_allclose(motion(TIMES), line(s(TIMES)), atol=1e-8)
 
 
+@pytest.mark.slow
 def test_cubics_of_rotations_are_lie_quadratics() -> None:
     """The body's angular velocity satisfies V'' = V' x V + C (Noakes, 2003)."""
     metric = Rotations()
@@ -115,6 +120,7 @@ def test_cubics_of_rotations_are_lie_quadratics() -> None:
     np.testing.assert_allclose(turn, Rotation.from_euler("XYZ", ends[1]).as_matrix(), atol=1e-9)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 @FEW
 def test_cubics_of_an_arm_satisfy_their_equation(seed: int) -> None:
@@ -281,6 +287,7 @@ def test_the_equation_holds_for_metrics_of_users(metric: go.Metric) -> None:
     assert motion.certificate.locally_minimizing
 
 
+@pytest.mark.slow
 def test_motions_without_action_are_minimal() -> None:
     line = go.logarithm.geodesic_from_velocity(HUMAN, np.full(7, 0.3), np.linspace(0.5, -0.5, 7))
     along = go.cubic(HUMAN, line(0.0), line(0.0, 1), line(1.0), line(1.0, 1), 1.0)
@@ -327,6 +334,7 @@ def test_splines_in_tension_of_a_constant_metric(tension: float) -> None:
     assert motion.certificate.boundary_residual < 1e-9
 
 
+@pytest.mark.slow
 @given(st.floats(0.5, 60.0), st.integers(0, 1000))
 @FEW
 def test_splines_in_tension_satisfy_their_equation(tension: float, seed: int) -> None:
@@ -341,6 +349,7 @@ def test_splines_in_tension_satisfy_their_equation(tension: float, seed: int) ->
     np.testing.assert_allclose(motion(times), points, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_splines_tend_to_geodesics_as_the_tension_grows() -> None:
     """Within 1 / tension of the knots the speed changes; elsewhere it is a piecewise geodesic."""
     times, points = [0.0, 0.4, 1.0], np.array([[0.8, 0.0], [1.3, 0.9], [0.7, 1.6]])

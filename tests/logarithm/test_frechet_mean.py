@@ -75,6 +75,7 @@ def test_bad_arguments_are_named(points: list, weights: list | None, message: st
         go.frechet_mean(Sphere(), points, weights)
 
 
+@pytest.mark.slow
 def test_mean_of_equal_and_nearly_equal_points(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:

@@ -20,6 +20,7 @@ TIMES = np.array([0.0, 0.5, 0.9, 1.6])
 POINTS = np.array([[0.8, 0.2], [1.1, 0.7], [0.9, 1.0], [1.4, 1.2]])
 
 
+@pytest.mark.slow
 @given(st.sampled_from([Sphere(), HalfPlane()]), st.floats(0.0, 10.0), st.integers(0, 1000))
 @settings(max_examples=4)
 def test_jumps_of_the_hamiltonian_are_derivatives(
@@ -59,7 +60,7 @@ def test_bounds_that_are_active_are_named() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_cubics_to_poses_of_the_hand(seed: int) -> None:
     """Random reaches: the end velocity is zero, free or given; with and without rotation."""
     rng = np.random.default_rng(seed)

@@ -96,6 +96,7 @@ def test_a_throw_is_a_parabola() -> None:
     assert positions[-1] == pytest.approx(goal, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_without_gravity_it_is_the_kinetic_energy_metric(arm: go.Model) -> None:
     native = arm.pin.copy()
     native.gravity = pin.Motion.Zero()

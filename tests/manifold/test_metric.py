@@ -103,7 +103,7 @@ class FromTensor(go.KineticEnergy):
         return self.model.mass_matrix(q)
 
 
-SLOW = ("both arms", "payload", "armature", "numbered otherwise")
+SLOW = ("both arms", "payload", "armature", "numbered otherwise", "tree 1")
 
 
 @cache

@@ -108,6 +108,7 @@ def test_the_boundary_is_infinitely_distant(length: float) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_length_bounds_the_approach(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:
@@ -130,7 +131,8 @@ REACHES = {
 }
 
 
-@pytest.mark.parametrize("name", ["wrist", pytest.param("arm raised", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["wrist", "arm raised"])
 def test_reaches_stay_within_joint_limits(name: str, arm_metric: go.KineticEnergy) -> None:
     """The plain geodesic violates the limits; a smaller margin gives a smaller detour."""
     q0, q1 = REACHES[name]

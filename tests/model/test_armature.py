@@ -116,6 +116,7 @@ def test_metrics_with_it_can_be_pickled(rng: np.random.Generator) -> None:
     assert again.model.armature.tolist() == [0.05] * 7
 
 
+@pytest.mark.slow
 def test_body_mass_scales_geodesics_no_more() -> None:
     """It is in kg m^2 and stays as given; only a / (M H^2) changes geodesics."""
     q0, v = np.full(7, 0.2), np.array([1.0, -0.5, 0.3, 1.0, 0.5, 0.3, -0.4])

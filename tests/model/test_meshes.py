@@ -274,6 +274,7 @@ def test_fewer_triangles_stay_close_to_the_surface() -> None:
     assert np.all(normals[:, 2] > 0.0)  # none is turned over
 
 
+@pytest.mark.slow
 def test_links_that_move_get_more_triangles_and_the_result_is_deterministic() -> None:
     found = [wavy_surface(), wavy_surface()]
     moving, still = simplified(found, [True, False], 1500)

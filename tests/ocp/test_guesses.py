@@ -80,6 +80,7 @@ def test_a_straight_line_out_of_a_cup_is_no_end(on_line: bool) -> None:
     assert problem.clearance(solution.path) > -2e-4
 
 
+@pytest.mark.slow
 def test_several_starts_find_the_shorter_side() -> None:
     one, several = (go.solve(FromAbove(), num_starts=count) for count in (1, 2))
     assert one.path(0.5)[1] > 0.5

@@ -66,6 +66,7 @@ def test_configurations_have_the_pose_and_are_within_limits(
         go.inverse_kinematics(arm, START)
 
 
+@pytest.mark.slow
 def test_configurations_are_clear_of_obstacles(arm: go.Model) -> None:
     there = go.inverse_kinematics(arm, START, TARGET)
     assert_allclose(arm.hand_pose(there)[1], TARGET, rtol=0, atol=1e-6)

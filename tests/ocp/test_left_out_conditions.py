@@ -69,6 +69,7 @@ def test_distances_of_one_body_share_their_derivatives(arm: go.Model) -> None:
             assert_allclose(by_name[name][node], distance, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_derivatives_of_distances_are_those_of_the_whole_program(arm: go.Model) -> None:
     """Gradients in closed form and points of the links, compared with CasADi's derivatives."""
     obstacles = [

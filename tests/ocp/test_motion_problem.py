@@ -85,6 +85,7 @@ def test_limits_hold_between_the_points_of_the_program() -> None:
     assert found.cost == pytest.approx(acceleration**2 * t1 / 3.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_gravity_enters_by_the_torque() -> None:
     """Without time to use the arm's weight, holding it still costs int |g(q)|^2 dt."""
 
@@ -256,6 +257,7 @@ def test_costs_of_jerk_have_continuous_accelerations() -> None:
     np.testing.assert_allclose(jumps, 0.0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_rate_of_the_torque_is_its_derivative_in_time() -> None:
     class LeastTorqueChange(FromRestToRest):
         cost = LeastJerk.cost

@@ -40,6 +40,7 @@ def test_arm_avoids_a_ball_with_and_without_margin(arm: go.Model) -> None:
     assert wider.path.energy > around.path.energy
 
 
+@pytest.mark.slow
 def test_only_the_named_links_avoid_obstacles(arm: go.Model) -> None:
     hand = go.solve(go.Reach(arm, START, TARGET, obstacles=[LAMP], links=["right hand"]))
     assert "right hand to lamp" in hand.multipliers

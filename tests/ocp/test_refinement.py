@@ -13,12 +13,13 @@ from known_metrics import Sphere
 from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
+from geodesic_ocp.ocp import refinement
 from geodesic_ocp.ocp.problem import parse_conditions
 from geodesic_ocp.ocp.refinement import refine
 from geodesic_ocp.ocp.violations import PathSamples
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow), 1e-7])
+@pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-7, marks=pytest.mark.slow)])
 def test_path_around_a_disc_to_several_tolerances(tolerance: float) -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=tolerance)
     stats = solution.stats
@@ -87,7 +88,8 @@ def test_smooth_path_is_refined_until_its_energy_converges() -> None:
 
 
 @pytest.mark.slow
-def test_unattainable_tolerance_is_reported() -> None:
+def test_unattainable_tolerance_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refinement, "_MAX_SEGMENTS", 60)
     with pytest.raises(
         go.NotConverged, match=r"PlaneAroundDisc was not solved: not solved to 1e-13"
     ) as info:
@@ -205,7 +207,7 @@ class Wall(go.Problem):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, {"grid": go.Grid(8, 4)}, {"tolerance": 1e-4}])
+@pytest.mark.parametrize("options", [{}, {"grid": go.Grid(8, 4)}])
 def test_paths_through_an_obstacle_are_no_solutions(options: Any) -> None:
     with pytest.raises(go.NotConverged) as failure:
         go.solve(Wall(), **options)

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import matplotlib.figure
 import numpy as np
 import pytest
 from known_metrics import HalfPlane, Sphere
@@ -94,7 +93,7 @@ def test_coordinates_without_a_model_are_numbered() -> None:
 
 
 @pytest.mark.slow
-def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model, tmp_path: Path) -> None:
+def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model) -> None:
     post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
     table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")
     reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
@@ -110,15 +109,8 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model, tmp_pa
     assert len([text for text in texts if text.startswith("s = ")]) == 6
     assert len([text for text in texts if "nearest" in text]) == 1
     assert close_up.get_title("left").startswith("nearest at s = ")
-    figure.savefig(tmp_path / "reach.png", dpi=20)
-
     flat = go.solve(PlaneAroundDisc()).plot()
     assert flat.axes[1].get_xlabel() == "q[0]"  # no panel on a constant speed
-    solid = go.solve(go.PointToPoint(go.Euclidean(3), (0.0, 0.0, 0.0), (1.0, 2.0, 2.0))).plot()
-    assert isinstance(solid, matplotlib.figure.Figure)
-    assert len(solid.axes) == 1
-    for each in (flat, solid):
-        each.savefig(tmp_path / "other.png", dpi=20)
 
 
 def test_saved_problem_is_restored(tmp_path: Path, arm: go.Model) -> None:
@@ -275,6 +267,7 @@ def test_unhashable_options_are_named_and_lists_accepted() -> None:
     assert PlaneAroundDisc().nlp(go.Grid(8, 4), start).grid.segments == 8
 
 
+@pytest.mark.slow
 def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
     display = pytest.importorskip("IPython.display")

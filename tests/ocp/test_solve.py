@@ -172,6 +172,7 @@ def test_order_of_convergence_is_twice_the_degree() -> None:
         assert slope < -2 * degree + 0.5
 
 
+@pytest.mark.slow
 def test_geodesics_do_not_depend_on_the_scale_of_the_mass() -> None:
     """The energies differ by ten orders of magnitude."""
     q0 = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)

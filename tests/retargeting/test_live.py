@@ -31,6 +31,7 @@ def speed(command: go.retargeting.LiveCommand) -> float:
     return float(np.abs(command.velocity).max())
 
 
+@pytest.mark.slow
 def test_command_keeps_all_limits_whatever_the_person_does() -> None:
     """Check the claim that averages of motions within limits are within limits."""
     live, rng = new_live(), np.random.default_rng(3)

@@ -106,6 +106,7 @@ class WithConditions(SynergyPaths):
         return 0.1 * v[0] ** 2 * (1.0 + q[1] ** 2)
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_program(waypoints: ArmWaypoints) -> None:
     """CasADi's own gradient, Jacobian and Hessian, at a point near the straight lines."""
     given = replace(
@@ -241,6 +242,7 @@ def test_bounds_hold_between_the_nodes(waypoints: ArmWaypoints, found: PlannedPa
     assert result.action > found.action
 
 
+@pytest.mark.slow
 def test_pose_out_of_reach_is_replaced_by_the_nearest(
     waypoints: ArmWaypoints, arm: go.Model
 ) -> None:

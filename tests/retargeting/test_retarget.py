@@ -496,28 +496,6 @@ def test_reprs_are_short(found: go.retargeting.Retargeting) -> None:
 
 
 @pytest.mark.slow
-def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Path) -> None:
-    other = go.human_arm("left", 1.8)
-    analyses = [analysis, analysis]
-    found = go.retargeting.retarget_arms(
-        analyses, [other, robot], tolerance=LOOSE, settings=SETTINGS
-    )
-    assert [arm.mapping.mirror for arm in found.arms] == [False, True]
-    assert found.motion.joint_names == (*other.joint_names, *robot.joint_names)
-    assert found.motion.q.shape[1] == 14
-    assert_allclose(found.arms[0].trajectory.time, found.arms[1].trajectory.time)
-    assert len(found.synergies) == sum(len(arm.groups) for arm in found.arms)
-    assert len(found.plot().subfigs) == 2
-    settings = go.RetargetingSettings(merge=0.4, drop=0.3)
-    twice = go.retargeting.retarget_arms(
-        analyses, [other, other], tolerance=LOOSE, settings=settings
-    )
-    assert len(set(twice.joint_names)) == 14
-    names = {file.name for file in found.save(tmp_path)}
-    assert {"synergies_0.json", "synergies_1.json"} <= names
-
-
-@pytest.mark.slow
 @needs_robots
 def test_on_panda(analysis: go.Analysis) -> None:
     """By the synergies of Klein et al."""

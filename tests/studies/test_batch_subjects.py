@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pandas.testing import assert_frame_equal
 
@@ -154,6 +154,7 @@ ROWS = st.lists(
 
 @pytest.mark.slow
 @given(rows=ROWS)
+@settings(max_examples=max(5, settings().max_examples // 2))
 def test_tables_are_read_as_they_were_written(
     tmp_path_factory: pytest.TempPathFactory, rows: list[Row]
 ) -> None:

@@ -175,6 +175,7 @@ def test_metadata_are_those_of_the_file_that_is_named(
             with_metadata(new_rows([{"file": file}], "recordings"), table)
 
 
+@pytest.mark.slow
 def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) -> None:
     recordings, _ = drawn(0, 3, 2)
     written(tmp_path, recordings)
@@ -202,6 +203,7 @@ def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) 
         study(tmp_path, names=["a"])
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(0, 255), st.sampled_from(["cut", "byte", "drop"]))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_tables_are_refused_or_read(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 from pathlib import Path
 
@@ -35,10 +37,16 @@ def eight() -> StudyResult:
 
 
 @pytest.fixture(scope="module")
-def folder(eight: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The study's files, of its position errors."""
-    out = tmp_path_factory.mktemp("study") / "paper"
-    assert {file.parent for file in eight.save(out, measure="position")} == {out}
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the command writes for the study, of its position errors."""
+    tables = written(tmp_path_factory.mktemp("study"), *drawn(4, 8, 3))
+    out, printed = tables / "paper", io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert main(["study", str(tables), "--out", str(out), "--measure", "position"]) == 0
+    text = printed.getvalue()
+    assert "StudyResult(24 recordings of 8 subjects, 3 methods, 48 synergies)" in text
+    assert "p, Holm" in text
+    assert f"wrote {out / 'errors.pdf'}" in text
     return out
 
 
@@ -158,16 +166,8 @@ def test_analyses_in_memory_give_the_rows_of_a_folder() -> None:
         study(analyses, names=["a", "a"])
 
 
-def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    recordings, synergies = drawn(4, 6, 2)
-    written(tmp_path, recordings, synergies)
-    out = tmp_path / "paper"
-    assert main(["study", str(tmp_path), "--out", str(out), "--measure", "position"]) == 0
-    text = capsys.readouterr().out
-    assert "StudyResult(12 recordings of 6 subjects, 3 methods, 24 synergies)" in text
-    assert "p, Holm" in text
-    assert f"wrote {out / 'errors.pdf'}" in text
-    table = [str(tmp_path / "recordings.csv"), "--by", "trial", "--against", "0"]
+def test_the_command_compares_conditions(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = [str(folder.parent / "recordings.csv"), "--by", "trial", "--against", "0"]
     assert main(["study", *table]) == 0
     assert "joints [rad], against 0" in capsys.readouterr().out
 

@@ -102,7 +102,6 @@ def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
         assert is_shaded(axes, middles).tolist() == [k % 2 == 0 for k in range(middles.size)]
     assert len(path.get_lines()[0].get_xdata()) == len(bundled_analysis.motion)
     assert len([text for text in strip.texts if text.get_text().endswith(" s")]) > 5
-    assert len(bundled_analysis.plot().axes) == 4
 
 
 @pytest.mark.slow
@@ -220,10 +219,7 @@ def test_joint_inertia_explains_a_recording_better_than_straight_lines(shared: P
 @pytest.mark.parametrize(
     ("name", "side"),
     [
-        ("hand_to_mouth_right_arm_01", "right"),
-        ("hand_to_mouth_right_arm_02", "right"),
         ("take_book_from_shelf_right_arm_03", "right"),
-        ("Trial_75", "right"),
         ("Trial_75", "left"),
     ],
 )
@@ -295,6 +291,7 @@ def test_geodesics_do_not_depend_on_the_unit_of_mass(planar: tuple[go.Model, go.
     assert ratio == pytest.approx(1.1**2, rel=2e-3)  # the reach is found numerically
 
 
+@pytest.mark.slow
 def test_each_metric_is_compared_with_the_others(planar: tuple[go.Model, go.Motion]) -> None:
     arm, motion = planar
     kinetic, flat = (go.analyse(arm, motion, metric=name) for name in ("kinetic", "euclidean"))
@@ -346,6 +343,7 @@ def test_segments_can_be_given(planar: tuple[go.Model, go.Motion]) -> None:
         go.analyse(arm, motion, segments=[(0, 50), (60, 120)])
 
 
+@pytest.mark.slow
 def test_a_motion_is_cut_by_a_function_that_is_named(planar: tuple[go.Model, go.Motion]) -> None:
     arm, motion = planar
     motion = motion.filtered()

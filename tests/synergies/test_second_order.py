@@ -76,6 +76,7 @@ def test_optimal_cuts_of_cubics_find_where_a_motion_changes() -> None:
         go.synergies.segment_optimal(HUMAN, motion, count=2, curve="line")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_an_analysis_tells_what_each_method_receives() -> None:
     analysis = go.analyse(ARM, wave(), segments=SEGMENTS)
     table = analysis.second_order()

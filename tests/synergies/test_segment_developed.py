@@ -48,6 +48,7 @@ def test_the_development_of_a_geodesic_is_straight_and_as_long(metric: go.Kineti
     assert np.abs(seen.points - along).max() < 1e-5 * length
 
 
+@pytest.mark.slow
 def test_a_chain_of_geodesics_is_cut_where_they_meet(metric: go.KineticEnergy) -> None:
     """To the sample without a filter, which rounds the corners over a tenth of a second."""
     for seed in range(3):

@@ -108,6 +108,7 @@ def test_error_is_that_of_the_reconstruction(
         assert own.q == pytest.approx(predicted.q, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_no_cut_can_be_moved_by_a_sample_for_the_better(
     found: dict[str, go.synergies.OptimalSegmentations], arm: go.Model, motion: go.Motion
 ) -> None:
@@ -128,6 +129,7 @@ def test_no_cut_can_be_moved_by_a_sample_for_the_better(
                 )
 
 
+@pytest.mark.slow
 def test_one_run_or_one_call_cut_alike(
     found: dict[str, go.synergies.OptimalSegmentations],
     arm_metric: go.KineticEnergy,

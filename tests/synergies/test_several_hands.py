@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -106,16 +105,12 @@ def test_minimum_jerk_moves_all_hands(both: go.Model, arms: list[go.Model]) -> N
 
 
 @pytest.mark.slow
-def test_the_table_names_each_hand(analysis: go.Analysis, tmp_path: Path) -> None:
+def test_the_table_names_each_hand(analysis: go.Analysis) -> None:
     table = analysis.table()
     assert header_of(table) == ("method", "segments", "joints [rad]", *NAMED)
     hands = analysis.errors["riemannian"].hands
     expected = [value for hand in hands for value in (hand.position, hand.orientation)]
     assert list(rows_of_table(table)[0][3:]) == expected
-    analysis.save(tmp_path)
-    rows = list(csv.reader((tmp_path / "table.csv").read_text().splitlines()))
-    assert tuple(rows[0][3:]) == NAMED
-    assert {len(row) for row in rows} == {7}
 
 
 @pytest.mark.slow

@@ -50,6 +50,7 @@ def peaks_of(figure: Figure) -> list[float]:
     return [float(each.get_text()[6:]) for each in figure.axes[1].texts]
 
 
+@pytest.mark.slow
 def test_figures_in_degrees(bundled_analysis: go.Analysis) -> None:
     """Labels and ticks, and what is written beside a line that leaves the panel."""
     figure = bundled_analysis.plot()

@@ -71,6 +71,7 @@ def test_an_analysis_has_a_spread_that_depends_on_its_seed_alone() -> None:
     assert labels[-2:] == ["stable cut", "doubtful cut"]
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_said() -> None:
     motion = recorded(0)
     given = go.analyse(ARM, motion, metric=METRIC, segments=[(0, 100), (100, 299)])

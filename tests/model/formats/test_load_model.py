@@ -196,6 +196,7 @@ def test_the_mmm_models_arm_is_the_human_arm(
             assert_allclose(ours, theirs, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_whole_mmm_body(backend: str, shared: Path, rng: np.random.Generator) -> None:
     """A subset of revolute and prismatic joints, scaled by height and mass."""
     joints = ["BTx_joint", "BTy_joint", "LHx_joint", "RSx_joint", "REsegment_joint", "REx_joint"]

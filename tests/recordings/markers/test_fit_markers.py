@@ -155,7 +155,7 @@ def test_samples_may_be_unevenly_spaced() -> None:
 
 @pytest.mark.slow
 def test_limits_hold_unless_they_are_left_out() -> None:
-    arm, time = go.human_arm("right", HEIGHT), np.arange(40) / 40.0
+    arm, time = go.human_arm("right", HEIGHT), np.arange(20) / 20.0
     q = angles(arm, time)
     markers = marked(arm, q, time, MMM_MARKERS)
     narrow = arm.with_limits(upper={"REx_joint": float(np.median(q[:, 3]))})

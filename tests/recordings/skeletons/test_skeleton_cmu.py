@@ -81,6 +81,7 @@ def angle_between(first: Array, second: Array) -> Array:
     return np.arctan2(crossed, np.sum(first * second, axis=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_models_arm_follows_the_skeletons(
     side: Side, orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
@@ -117,6 +118,7 @@ def arm_points(q: Array) -> tuple[Array, Array, Array]:
     return elbow, elbow - forearm[:, 2], forearm @ Rotation.from_euler("XY", q[5:]).as_matrix()
 
 
+@pytest.mark.slow
 def test_single_joints_of_the_skeleton_are_single_joints_of_the_model(
     orientations: SegmentOrientations,
 ) -> None:
@@ -157,6 +159,7 @@ def test_segments_move_smoothly_and_the_thorax_is_upright(
     assert upright.min() > 0.4  # the person leans forward
 
 
+@pytest.mark.slow
 def test_the_trunk_and_the_arms_have_the_size_of_a_person(
     orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
 ) -> None:
