@@ -150,7 +150,7 @@ class Group(ShortRepr):
             return self
         return replace(self, conditions=tuple(np.array(self.conditions, object)[kept]))
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of all values, (rows,)."""
         lower, upper = zip(*((each.lower, each.upper) for each in self.conditions), strict=True)

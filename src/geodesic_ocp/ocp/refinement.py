@@ -150,7 +150,7 @@ def _halved_until_fine(
             return found, None
         violations, unresolved = samples.excess(path), unresolved_energy(path)
         if tolerance is None:
-            levels = (worst_by_segment(path, violations) > BETWEEN_NODES).astype(int)
+            levels = _halvings(worst_by_segment(path, violations), BETWEEN_NODES, 2)
         else:
             levels = _levels(path, violations, unresolved, tolerance)
         finer = _finer(path.grid, levels, unresolved)
@@ -182,9 +182,14 @@ def _levels(
     allowed = tolerance, tolerance * path.discrete_energy / path.grid.segments
     for error, limit, order in zip(errors, allowed, (2, 3), strict=True):
         coarse = (error > limit) & (error > _FRACTION * error.max())
-        needed = np.ceil(np.log2(error[coarse] / limit) / order).astype(int)
-        levels[coarse] = np.maximum(levels[coarse], np.clip(needed, 1, _MOST_LEVELS))
+        levels[coarse] = np.maximum(levels[coarse], _halvings(error[coarse], limit, order))
     return levels if np.any(levels) else np.ones_like(levels)
+
+
+def _halvings(errors: Array, limit: float, order: int) -> NDArray[np.int64]:
+    """Return how often to halve segments with errors that fall with this power of the width."""
+    needed = np.ceil(np.log2(np.maximum(errors / limit, 1.0)) / order)
+    return np.minimum(needed, _MOST_LEVELS).astype(np.int64)
 
 
 def _finer(grid: Grid, levels: NDArray[np.int64], errors: Array) -> Grid:

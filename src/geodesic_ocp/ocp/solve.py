@@ -402,11 +402,9 @@ class _Solver:
         whole = self.definition.conditions
         if len(whole.along_q) <= _FEW or whole.via:
             return self._solve_on(grid, guess)
-        if isinstance(guess, Solution):
-            first = guess.iterate.nlp.definition
-        else:
-            path = self.definition.initial_path(grid, guess)
-            first = self.definition.restricted(may_become_active(whole, path))
+        is_solution = isinstance(guess, Solution)
+        path = guess.path if is_solution else self.definition.initial_path(grid, guess)
+        first = self.definition.restricted(may_become_active(whole, path))
 
         def solve(start: _Start) -> Solution:
             definition, guess = start
@@ -419,7 +417,8 @@ class _Solver:
                 return found, None
             near = may_become_active(whole, found.path)
             more = self.definition.restricted(joined(kept, missing, near))
-            return found, (more, found if found.stats.success else guess)
+            strays = guess is not None and found.stats.max_path_violation > _FEASIBLE
+            return found, (more, guess if strays or not found.stats.success else found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
 
@@ -427,7 +426,7 @@ class _Solver:
         """Return the solution or last iterate under the conditions of this solver."""
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
-            if multipliers := _multipliers(nlp, guess):
+            if nlp.violation <= _FEASIBLE and (multipliers := _multipliers(nlp, guess)):
                 warm = {**NEAR, **_WARM_START}
                 if nlp.violation > _CHANGED:
                     warm["mu_init"] = _MODERATE_BARRIER
