@@ -141,7 +141,9 @@ def _halved_until_fine(
             # The energy of a jump doubles as its segment is halved.
             before = stats.mesh_history[-2:][0].objective
             jumps = stats.objective > _WORSE * before > 0.0
-            diverged = jumps or min(path.grid.widths) < _NARROWEST
+            amounts = [each.max_path_violation for each in stats.mesh_history]
+            stays = amounts[-1] > amounts[:-_PATIENCE][-1] / 2.0 if number >= _PATIENCE else False
+            diverged = jumps or stays or min(path.grid.widths) < _NARROWEST
         else:
             is_settled = change <= tolerance * abs(stats.objective)
             is_fine = is_settled and stats.max_path_violation <= tolerance

@@ -22,6 +22,7 @@ from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import (
+    halved,
     meeting_conditions,
     refine,
     resolving,
@@ -43,6 +44,7 @@ from geodesic_ocp.trajectory.path import Path
 _STIFF, _COARSE = 8, Grid(4, 4)
 # From as many equal segments on, a solution on half of them comes first.
 _MANY = 16
+_MOST_SEGMENTS = 32  # on which a guess is solved anew, as it led through obstacles on fewer
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 _LOOSE, _MODERATE, _TIGHT = 1e-6, 1e-8, 1e-10
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
@@ -250,7 +252,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
     def over() -> bool:
         several = num_starts > 1
         simple, further = guesses.simple(several), guesses.further(several)
-        for enough, stage in ((2, simple), (1, further), (1, simple)):
+        for enough, stage in ((2, simple), (1, further), (1, simple), (1, guesses.last())):
             for name, path in stage:
                 first = _named(search.begin(path), name)
                 waiting.append((first, path))
@@ -322,10 +324,20 @@ class _Search:
         object.__setattr__(self, "_grids", lru_cache(_ATTEMPTS)(self._grids))
 
     def begin(self, guess: Path | Solution | None) -> Solution:
-        """Return the solution on the first grid."""
+        """Return the solution on the first grid; from a path on a finer one where it would jump
+        through obstacles, from which refinement leads nowhere.
+        """
         first, own = self._grids(guess)
         solver = self.solver if first is own else replace(self.solver, tolerance=_LOOSE)
-        return solver.solve_from(first, guess)
+        solution = solver.solve_from(first, guess)
+        is_path = isinstance(guess, Path) and self.grid is None and not self.solver.conditions.via
+        while is_path and solution.stats.max_path_violation > _FEASIBLE:
+            first = own if first is not own else halved(own, np.ones(own.segments, dtype=bool))
+            if not solution.stats.success or first.segments > _MOST_SEGMENTS:
+                break
+            own, before = first, solution.stats
+            solution = with_effort_of(before, self.solver.solve_from(first, guess))
+        return solution
 
     def _grids(self, guess: Path | Solution | None) -> tuple[Grid, Grid]:
         """Return the first grid, and the one that the solution has at least."""
@@ -354,15 +366,16 @@ class _Search:
             return same
         if self.grid is not None and self.tolerance is None:
             return meeting_conditions(first, "leave grid out, or set tolerance")
-        half, own = self._grids(guess)
-        if half is not own and first.stats.success:
+        own = self._grids(guess)[1]
+        is_coarse = first.path.grid.segments < own.segments
+        if is_coarse and first.stats.success:
             found = first
             if self.tolerance is None:
                 found = with_effort_of(first.stats, self.solver.solve_from(own, first))
             found = self._refined(found, guess)
             if found.stats.success or found.stats.status == STOPPED:
                 return found
-        if half is not own:
+        if is_coarse:
             first = self.solver.solve_from(own, guess)
         return _same(first, others) or self._refined(first, guess)
 

@@ -92,7 +92,8 @@ class PathSamples:
     def _values(self, path: Path, s: Array) -> Array:
         c, q = self._conditions, path(s)
         bounded = [q[:, list(each.coordinates or ())] for each in c.bounds]
-        found = [*bounded, *(group.values(q, c.p_values) for group in c.groups)]
+        known: dict[Terms, Array] = {}
+        found = [*bounded, *(group.values(q, c.p_values, known) for group in c.groups)]
         if c.along_qv:
             found.append(self._in_qv.at("value", np.hstack([q, path(s, 1)]), c.p_values)[1])
         return np.hstack([np.zeros((s.size, 0)), *found]).T
@@ -189,7 +190,7 @@ def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) ->
     found = []
     for group in conditions.groups:
         ends = np.cumsum([each.size for each in group.conditions])[:-1]
-        values = np.split(group.values(q[None], conditions.p_values).T, ends)
+        values = np.split(group.values(q[None], conditions.p_values, {}).T, ends)
         for condition, of_one in zip(group.conditions, values, strict=True):
             found.append(_worst(metric, condition, of_one, np.array([s])))
     return sorted(filter(None, found), key=lambda one: -one.amount)
