@@ -415,8 +415,10 @@ class _Solver:
         whole = self.definition.conditions
         if len(whole.along_q) <= _FEW or whole.via:
             return self._solve_on(grid, guess)
-        is_solution = isinstance(guess, Solution)
-        path = guess.path if is_solution else self.definition.initial_path(grid, guess)
+        if isinstance(guess, Solution):
+            path = guess.path
+        else:
+            path = self.definition.initial_path(grid, guess)
         first = self.definition.restricted(may_become_active(whole, path))
 
         def solve(start: _Start) -> Solution:
