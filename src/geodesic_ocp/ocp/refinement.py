@@ -76,6 +76,8 @@ def refine(
     solution = _halved_until_fine(solve_on, samples, _recorded(first), tolerance)
     if solution.stats.success or solution.stats.status == STOPPED or not first.stats.success:
         return solution
+    if isinstance(guess, Path) and tolerance is None:
+        return solution  # it was on finer grids before
     grid = first.path.grid
     path = guess.path if isinstance(guess, Solution) else guess
     rough = _recorded(solve_on(_regrid(grid, 4 * grid.segments, 2), path), solution)
@@ -156,7 +158,7 @@ def _halved_until_fine(
         else:
             levels = _levels(path, violations, unresolved, tolerance)
         finer = _finer(path.grid, levels, unresolved)
-        too_many = finer.segments > _MAX_SEGMENTS
+        too_many = finer.segments > (_MAX_SEGMENTS if tolerance else _MAX_SEGMENTS // 4)
         if not (diverged and number >= _PATIENCE) and not too_many and number + 1 < _MAX_ROUNDS:
             return found, (found, finer)
         if tolerance is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias, overload
@@ -31,6 +31,7 @@ from geodesic_ocp.ocp.refinement import (
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import (
+    Kept,
     find_violations,
     joined,
     left_out,
@@ -77,7 +78,8 @@ _WARM_START = {
 
 # Where new rows or nodes are violated by more than this, each in its unit, other conditions become
 # active, which is slow from the smallest barrier.
-_CHANGED, _MODERATE_BARRIER = 1e-3, 1e-5
+# Above the other bound multipliers do not help any more.
+_CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
 # Of more conditions in q than these, only those near their bounds are part of the first program.
 _FEW, _MOST_ROUNDS = 20, 20
@@ -220,6 +222,7 @@ def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Arr
 
 
 _ATTEMPTS = 6  # guesses, if none leads to a solution
+_MOST_ITERATIONS = 1500  # of Ipopt, after which no other guess is tried
 # Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
 # jump through them.
 _AROUND = 3e-2
@@ -242,7 +245,10 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
         waiting.remove(one)
         solution = _named(search.finish(first, path, found), first.stats.guess)
         (found if solution.stats.success else failed).append(solution)
-        return solution.stats.status == STOPPED or len(found) >= num_starts
+        return solution.stats.status == STOPPED or len(found) >= num_starts or is_spent()
+
+    def is_spent() -> bool:
+        return num_starts == 1 and sum(search.solver.spent) > _MOST_ITERATIONS
 
     def around() -> list[tuple[Solution, Path | None]]:
         return sorted(
@@ -262,10 +268,12 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
                 if first.stats.status == STOPPED:
                     failed.append(first)
                     return True
-                if len(around()) >= wanted or tried >= max(num_starts, _ATTEMPTS):
+                if len(around()) >= wanted or tried >= max(num_starts, _ATTEMPTS) or is_spent():
                     break
             if not several and any(map(finish, around())):
                 return True
+            if is_spent():
+                break
         return any(map(finish, around())) or any(map(finish, list(waiting)))
 
     over()
@@ -335,8 +343,9 @@ class _Search:
             first = own if first is not own else halved(own, np.ones(own.segments, dtype=bool))
             if not solution.stats.success or first.segments > _MOST_SEGMENTS:
                 break
-            own, before = first, solution.stats
-            solution = with_effort_of(before, self.solver.solve_from(first, guess))
+            own, before = first, solution
+            kept = before.iterate.nlp.conditions.kept
+            solution = with_effort_of(before.stats, self.solver(first, guess, kept))
         return solution
 
     def _grids(self, guess: Path | Solution | None) -> tuple[Grid, Grid]:
@@ -406,11 +415,15 @@ class _Solver:
     ipopt: Mapping[str, Any]
     callback: Callback | None
     tolerance: float
+    spent: list[int] = field(default_factory=list)  # iterations of all solves
 
-    def __call__(self, grid: Grid, guess: Path | Solution | None) -> Solution:
+    def __call__(
+        self, grid: Grid, guess: Path | Solution | None, known: Kept = MappingProxyType({})
+    ) -> Solution:
         """Return the solution or last iterate on a grid, from a path or another solution.
 
-        Of many conditions, those far from their bounds are left out until a path violates them.
+        Of many conditions, those far from their bounds are left out until a path violates them,
+        unless they are known to count.
         """
         whole = self.definition.conditions
         if len(whole.along_q) <= _FEW or whole.via:
@@ -419,7 +432,7 @@ class _Solver:
             path = guess.path
         else:
             path = self.definition.initial_path(grid, guess)
-        first = self.definition.restricted(may_become_active(whole, path))
+        first = self.definition.restricted(joined(known, may_become_active(whole, path)))
 
         def solve(start: _Start) -> Solution:
             definition, guess = start
@@ -430,9 +443,9 @@ class _Solver:
             missing = left_out(whole, kept, found.path)
             if found.stats.status == STOPPED or not missing:
                 return found, None
-            near = may_become_active(whole, found.path)
-            more = self.definition.restricted(joined(kept, missing, near))
             strays = guess is not None and found.stats.max_path_violation > _FEASIBLE
+            near = {} if strays else may_become_active(whole, found.path)
+            more = self.definition.restricted(joined(kept, missing, near))
             return found, (more, guess if strays or not found.stats.success else found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
@@ -441,7 +454,7 @@ class _Solver:
         """Return the solution or last iterate under the conditions of this solver."""
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
-            if nlp.violation <= _FEASIBLE and (multipliers := _multipliers(nlp, guess)):
+            if nlp.violation <= _NEARLY and (multipliers := _multipliers(nlp, guess)):
                 warm = {**NEAR, **_WARM_START}
                 if nlp.violation > _CHANGED:
                     warm["mu_init"] = _MODERATE_BARRIER
@@ -507,6 +520,7 @@ class _Solver:
             outcome = shared_ipopt(self.definition, shape, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
+        self.spent.append(outcome.iterations)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)
