@@ -82,7 +82,7 @@ _WARM_START = {
 _CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
 # Of more conditions in q than these, only those near their bounds are part of the first program.
-_FEW, _MOST_ROUNDS = 20, 20
+_FEW, _MOST_ROUNDS, _FAILURES = 20, 20, 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 
@@ -120,9 +120,9 @@ def solve(
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
     Where the problem's own guess, by default the straight line, violates path constraints in q, a
-    detour around them comes first; guesses that lead to no solution are followed by others, last by
-    paths of a sampling planner. The same call always gives the same solution; `stats.guess` names
-    the guess that led to it.
+    detour around them comes first, or, if none is clear, a path of a sampling planner; guesses that
+    lead to no solution are followed by others, up to 2000 iterations of Ipopt. The same call always
+    gives the same solution; `stats.guess` names the guess that led to it.
 
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
@@ -222,7 +222,7 @@ def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Arr
 
 
 _ATTEMPTS = 6  # guesses, if none leads to a solution
-_MOST_ITERATIONS = 1500  # of Ipopt, after which no other guess is tried
+_MOST_ITERATIONS = 2000  # of Ipopt, after which no other guess is tried
 # Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
 # jump through them.
 _AROUND = 3e-2
@@ -258,7 +258,8 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
     def over() -> bool:
         several = num_starts > 1
         simple, further = guesses.simple(several), guesses.further(several)
-        for enough, stage in ((2, simple), (1, further), (1, simple), (1, guesses.last())):
+        last = guesses.last()
+        for enough, stage in ((2, simple), (1, further), (1, simple), (1, further), (1, last)):
             for name, path in stage:
                 first = _named(search.begin(path), name)
                 waiting.append((first, path))
@@ -441,7 +442,8 @@ class _Solver:
         def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
             kept = found.iterate.nlp.conditions.kept
             missing = left_out(whole, kept, found.path)
-            if found.stats.status == STOPPED or not missing:
+            fails = not found.stats.success and number >= _FAILURES
+            if found.stats.status == STOPPED or not missing or fails:
                 return found, None
             strays = guess is not None and found.stats.max_path_violation > _FEASIBLE
             near = {} if strays else may_become_active(whole, found.path)
