@@ -114,13 +114,13 @@ class Task:
     goal: np.ndarray
 
 
-def read_tasks(file: Path, joints: list[str], count: int) -> Iterator[Task]:
-    """The first problems of each scene, in the order of their numbers."""
+def read_tasks(file: Path, joints: list[str], numbers: Iterable[int]) -> Iterator[Task]:
+    """The problems of each scene with these numbers."""
     with tarfile.open(file) as archive:
         texts = {each.name: each for each in archive.getmembers() if each.isfile()}
         for name in sorted(each for each in texts if "scene" in each.rpartition("/")[2]):
             number = int(re.findall(r"\d+", name)[-1])
-            if number > count:
+            if number not in numbers:
                 continue
             request = name.replace("scene0", "request0").replace("scene1", "request1")
             scene, query = (
@@ -354,7 +354,7 @@ class Robot:
                 "disable_collisions"
             )
         }
-        tasks = list(read_tasks(self.folder / "problems.tar.bz2", self.joints, 10))
+        tasks = list(read_tasks(self.folder / "problems.tar.bz2", self.joints, range(11)))
         ends = [q for task in tasks for q in (task.start, task.goal)]
         box = (self.model.lower, self.model.upper)
         samples = np.random.default_rng(0).uniform(*box, (1000, self.model.dof))
@@ -480,7 +480,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="the unpacked package vamp-planner")
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--scenes", nargs="+", help="all by default")
-    parser.add_argument("--count", type=int, default=10, help="problems of each scene")
+    parser.add_argument("--count", type=int, default=10, help="of the 100 of each scene, evenly")
     parser.add_argument("--seed", type=int, default=0, help="of the planner")
     parser.add_argument("--samples", type=int, default=20000, help="of the planner, at most")
     parser.add_argument("--routes", nargs="+", choices=ROUTES, default=list(ROUTES[:3]))
@@ -490,10 +490,11 @@ def main() -> None:
     if not (options.folder / "resources").is_dir():
         print(f"skipped: {options.folder} is not the unpacked package vamp-planner")
         return
+    numbers = [1 + 100 * each // options.count for each in range(options.count)]
     records = []
     for name in options.robots:
         robot = Robot(options.folder, name)
-        tasks = read_tasks(robot.folder / "problems.tar.bz2", robot.joints, options.count)
+        tasks = read_tasks(robot.folder / "problems.tar.bz2", robot.joints, numbers)
         for task in sorted(tasks, key=lambda each: each.number):
             if options.scenes is None or task.scene in options.scenes:
                 records.append(run(robot, task, options))

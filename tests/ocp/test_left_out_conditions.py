@@ -12,6 +12,8 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp import solve as solve_module
+from geodesic_ocp.ocp.conditions import CELLS
+from geodesic_ocp.ocp.nlp import build_nlp
 from geodesic_ocp.ocp.problem import Equality, Inequality, parse_conditions
 
 
@@ -67,6 +69,18 @@ def test_distances_of_one_body_share_their_derivatives(arm: go.Model) -> None:
         distances = go.distances.signed_distances(arm, q, [*balls, rod], links=["right hand"])
         for name, distance in distances.items():
             assert_allclose(by_name[name][node], distance, rtol=0.0, atol=1e-12)
+
+
+def test_a_cell_without_a_node_has_no_rows(arm: go.Model) -> None:
+    """On a coarse grid a program may be without a distance that is part of it on finer ones."""
+    ends = (0.0,) * 7, (0.2,) * 7
+    ball = go.Ball((0.1, 0.5, 0.1), 0.05)
+    definition = go.PointToPoint(go.KineticEnergy(arm), *ends, obstacles=[ball]).definition()
+    cell = np.arange(CELLS) == 2
+    kept = definition.restricted({definition.conditions.along_q[0].name: cell})
+    for segments, rows in ((1, 0), (16, 1)):
+        nlp = build_nlp(kept, go.Grid(segments, 2))
+        assert nlp.transcription.value(nlp.values["x0"], nlp.p)[1].numel() == rows
 
 
 @pytest.mark.slow

@@ -150,7 +150,7 @@ class Group(ShortRepr):
             return self
         return replace(self, conditions=tuple(np.array(self.conditions, object)[kept]))
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of all values, (rows,)."""
         lower, upper = zip(*((each.lower, each.upper) for each in self.conditions), strict=True)
@@ -176,12 +176,17 @@ class Group(ShortRepr):
     def _instances(self) -> list[Instance]:
         return [each.instance for each in self.conditions if each.instance is not None]
 
-    def values(self, q: Array, p: Array) -> Array:
-        """Return the conditions' expressions (k, rows) at q (k, n), for parameters p."""
+    def values(self, q: Array, p: Array, known: dict[Terms, Array]) -> Array:
+        """Return the conditions' expressions (k, rows) at q (k, n), for parameters p.
+
+        Args:
+            known: constraint functions of inner terms at q, for other groups, too.
+        """
         if self.inner is None:
             return self.terms.at("value", q, p)[1]
-        points = self.inner.at("value", q, np.zeros(0))[1]
-        z = points[:, self.indices].reshape(-1, self.terms.size)
+        if self.inner not in known:
+            known[self.inner] = self.inner.at("value", q, np.zeros(0))[1]
+        z = known[self.inner][:, self.indices].reshape(-1, self.terms.size)
         return self.terms.at("value", z, np.tile(self.numbers, (len(q), 1)))[1].reshape(len(q), -1)
 
     def slopes(self, q: Array, p: Array, rows: Indices) -> Array:

@@ -29,6 +29,7 @@ from geodesic_ocp.trajectory.path import Path
 _CLEAR = 1e-6  # violation, in the unit of the constraint, that a configuration may have
 _TINY = 1e-12
 _AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
+_OWN = "the initial guess"
 _STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
 # Detours.
 _S = np.linspace(0.0, 1.0, 25)  # of their nodes
@@ -65,18 +66,18 @@ class FreeSpace:
         conditions = self.definition.conditions
         if self.near is None:
             return conditions.groups
-        found = []
+        found, known = list[Group](), dict[Terms, Array]()
         for group in conditions.groups:
-            over = np.maximum(*self._sides(group, self.near))
+            over = np.maximum(*self._sides(group, self.near, known))
             # Compared with how much their values change; NaN is near.
             near = ~(over.max(axis=0) <= -_NEARBY * np.ptp(over, axis=0))
             if np.any(near):
                 found.append(group.only(near))
         return found
 
-    def _sides(self, group: Group, q: Array) -> tuple[Array, Array]:
+    def _sides(self, group: Group, q: Array, known: dict[Terms, Array]) -> tuple[Array, Array]:
         """Return how far values at configurations (k, n) lie below and above bounds, (k, rows)."""
-        values, (lower, upper) = group.values(q, self._p), group.bounds
+        values, (lower, upper) = group.values(q, self._p, known), group.bounds
         return lower - values, values - upper
 
     @property
@@ -96,9 +97,9 @@ class FreeSpace:
     def _values(self, q: Array, gradients: bool) -> tuple[Array, Array]:
         lower, upper = self.bounds.lower[1], self.bounds.upper[1]
         excess = np.full(len(q), -np.inf)
-        slopes = np.zeros(q.shape)
+        slopes, known = np.zeros(q.shape), dict[Terms, Array]()
         for group in self._groups if len(q) else ():
-            below, above = self._sides(group, q)
+            below, above = self._sides(group, q, known)
             over = np.fmax(below, above)
             over[np.isnan(over)] = np.inf
             worst, at = over.argmax(axis=1), np.arange(len(q))
@@ -225,18 +226,26 @@ class Guesses:
             yield "", None
             return
         space, own, metric = self._space, self._own, self.definition.metric
-        self.tried.append("the initial guess")
         if is_clear := space.is_clear(own[None])[0]:
             self._seen.append(own)
-            yield "", None
+            yield self._as_own()
         box = _box(space, own, metric)
         detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), metric, own)
         detours = [q for q in detours if _is_new(q, self._seen)][:_DETOURS]
         for number, q in enumerate(detours):
             self.tried.append(f"detour {number + 1}")
             yield self.tried[-1], Path.through(metric, q)
-        if not is_clear:
-            yield "", None
+        if not is_clear and (detours or several):
+            yield self._as_own()
+
+    def last(self) -> Iterator[tuple[str, Path | None]]:
+        """Yield the problem's own guess if it was left out, as neither it nor a detour is clear."""
+        if self.tried and _OWN not in self.tried:
+            yield self._as_own()
+
+    def _as_own(self) -> tuple[str, None]:
+        self.tried.append(_OWN)
+        return "", None
 
     def further(self, several: bool) -> Iterator[tuple[str, Path | None]]:
         """Yield paths of the planner, after detours from random configurations if `several` are

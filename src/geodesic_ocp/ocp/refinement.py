@@ -76,6 +76,8 @@ def refine(
     solution = _halved_until_fine(solve_on, samples, _recorded(first), tolerance)
     if solution.stats.success or solution.stats.status == STOPPED or not first.stats.success:
         return solution
+    if isinstance(guess, Path) and tolerance is None:
+        return solution  # it was on finer grids before
     grid = first.path.grid
     path = guess.path if isinstance(guess, Solution) else guess
     rough = _recorded(solve_on(_regrid(grid, 4 * grid.segments, 2), path), solution)
@@ -141,7 +143,9 @@ def _halved_until_fine(
             # The energy of a jump doubles as its segment is halved.
             before = stats.mesh_history[-2:][0].objective
             jumps = stats.objective > _WORSE * before > 0.0
-            diverged = jumps or min(path.grid.widths) < _NARROWEST
+            amounts = [each.max_path_violation for each in stats.mesh_history]
+            stays = amounts[-1] > amounts[:-_PATIENCE][-1] / 2.0 if number >= _PATIENCE else False
+            diverged = jumps or stays or min(path.grid.widths) < _NARROWEST
         else:
             is_settled = change <= tolerance * abs(stats.objective)
             is_fine = is_settled and stats.max_path_violation <= tolerance
@@ -150,11 +154,11 @@ def _halved_until_fine(
             return found, None
         violations, unresolved = samples.excess(path), unresolved_energy(path)
         if tolerance is None:
-            levels = (worst_by_segment(path, violations) > BETWEEN_NODES).astype(int)
+            levels = _halvings(worst_by_segment(path, violations), BETWEEN_NODES, 2)
         else:
             levels = _levels(path, violations, unresolved, tolerance)
         finer = _finer(path.grid, levels, unresolved)
-        too_many = finer.segments > _MAX_SEGMENTS
+        too_many = finer.segments > (_MAX_SEGMENTS if tolerance else _MAX_SEGMENTS // 4)
         if not (diverged and number >= _PATIENCE) and not too_many and number + 1 < _MAX_ROUNDS:
             return found, (found, finer)
         if tolerance is None:
@@ -182,9 +186,14 @@ def _levels(
     allowed = tolerance, tolerance * path.discrete_energy / path.grid.segments
     for error, limit, order in zip(errors, allowed, (2, 3), strict=True):
         coarse = (error > limit) & (error > _FRACTION * error.max())
-        needed = np.ceil(np.log2(error[coarse] / limit) / order).astype(int)
-        levels[coarse] = np.maximum(levels[coarse], np.clip(needed, 1, _MOST_LEVELS))
+        levels[coarse] = np.maximum(levels[coarse], _halvings(error[coarse], limit, order))
     return levels if np.any(levels) else np.ones_like(levels)
+
+
+def _halvings(errors: Array, limit: float, order: int) -> NDArray[np.int64]:
+    """Return how often to halve segments with errors that fall with this power of the width."""
+    needed = np.ceil(np.log2(np.maximum(errors / limit, 1.0)) / order)
+    return np.minimum(needed, _MOST_LEVELS).astype(np.int64)
 
 
 def _finer(grid: Grid, levels: NDArray[np.int64], errors: Array) -> Grid:

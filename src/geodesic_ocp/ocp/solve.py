@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias, overload
@@ -22,6 +22,7 @@ from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import (
+    halved,
     meeting_conditions,
     refine,
     resolving,
@@ -30,6 +31,7 @@ from geodesic_ocp.ocp.refinement import (
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import (
+    Kept,
     find_violations,
     joined,
     left_out,
@@ -43,6 +45,7 @@ from geodesic_ocp.trajectory.path import Path
 _STIFF, _COARSE = 8, Grid(4, 4)
 # From as many equal segments on, a solution on half of them comes first.
 _MANY = 16
+_MOST_SEGMENTS = 32  # on which a guess is solved anew, as it led through obstacles on fewer
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 _LOOSE, _MODERATE, _TIGHT = 1e-6, 1e-8, 1e-10
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
@@ -75,10 +78,11 @@ _WARM_START = {
 
 # Where new rows or nodes are violated by more than this, each in its unit, other conditions become
 # active, which is slow from the smallest barrier.
-_CHANGED, _MODERATE_BARRIER = 1e-3, 1e-5
+# Above the other bound multipliers do not help any more.
+_CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
 # Of more conditions in q than these, only those near their bounds are part of the first program.
-_FEW, _MOST_ROUNDS = 20, 20
+_FEW, _MOST_ROUNDS, _FAILURES = 20, 20, 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 
@@ -116,9 +120,9 @@ def solve(
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
     Where the problem's own guess, by default the straight line, violates path constraints in q, a
-    detour around them comes first; guesses that lead to no solution are followed by others, last by
-    paths of a sampling planner. The same call always gives the same solution; `stats.guess` names
-    the guess that led to it.
+    detour around them comes first, or, if none is clear, a path of a sampling planner; guesses that
+    lead to no solution are followed by others, up to 2000 iterations of Ipopt. The same call always
+    gives the same solution; `stats.guess` names the guess that led to it.
 
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
@@ -218,6 +222,7 @@ def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Arr
 
 
 _ATTEMPTS = 6  # guesses, if none leads to a solution
+_MOST_ITERATIONS = 2000  # of Ipopt, after which no other guess is tried
 # Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
 # jump through them.
 _AROUND = 3e-2
@@ -240,7 +245,10 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
         waiting.remove(one)
         solution = _named(search.finish(first, path, found), first.stats.guess)
         (found if solution.stats.success else failed).append(solution)
-        return solution.stats.status == STOPPED or len(found) >= num_starts
+        return solution.stats.status == STOPPED or len(found) >= num_starts or is_spent()
+
+    def is_spent() -> bool:
+        return num_starts == 1 and sum(search.solver.spent) > _MOST_ITERATIONS
 
     def around() -> list[tuple[Solution, Path | None]]:
         return sorted(
@@ -250,7 +258,8 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
     def over() -> bool:
         several = num_starts > 1
         simple, further = guesses.simple(several), guesses.further(several)
-        for enough, stage in ((2, simple), (1, further), (1, simple)):
+        last = guesses.last()
+        for enough, stage in ((2, simple), (1, further), (1, simple), (1, further), (1, last)):
             for name, path in stage:
                 first = _named(search.begin(path), name)
                 waiting.append((first, path))
@@ -260,10 +269,12 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
                 if first.stats.status == STOPPED:
                     failed.append(first)
                     return True
-                if len(around()) >= wanted or tried >= max(num_starts, _ATTEMPTS):
+                if len(around()) >= wanted or tried >= max(num_starts, _ATTEMPTS) or is_spent():
                     break
             if not several and any(map(finish, around())):
                 return True
+            if is_spent():
+                break
         return any(map(finish, around())) or any(map(finish, list(waiting)))
 
     over()
@@ -322,10 +333,21 @@ class _Search:
         object.__setattr__(self, "_grids", lru_cache(_ATTEMPTS)(self._grids))
 
     def begin(self, guess: Path | Solution | None) -> Solution:
-        """Return the solution on the first grid."""
+        """Return the solution on the first grid; from a path on a finer one where it would jump
+        through obstacles, from which refinement leads nowhere.
+        """
         first, own = self._grids(guess)
         solver = self.solver if first is own else replace(self.solver, tolerance=_LOOSE)
-        return solver.solve_from(first, guess)
+        solution = solver.solve_from(first, guess)
+        is_path = isinstance(guess, Path) and self.grid is None and not self.solver.conditions.via
+        while is_path and solution.stats.max_path_violation > _FEASIBLE:
+            first = own if first is not own else halved(own, np.ones(own.segments, dtype=bool))
+            if not solution.stats.success or first.segments > _MOST_SEGMENTS:
+                break
+            own, before = first, solution
+            kept = before.iterate.nlp.conditions.kept
+            solution = with_effort_of(before.stats, self.solver(first, guess, kept))
+        return solution
 
     def _grids(self, guess: Path | Solution | None) -> tuple[Grid, Grid]:
         """Return the first grid, and the one that the solution has at least."""
@@ -354,15 +376,16 @@ class _Search:
             return same
         if self.grid is not None and self.tolerance is None:
             return meeting_conditions(first, "leave grid out, or set tolerance")
-        half, own = self._grids(guess)
-        if half is not own and first.stats.success:
+        own = self._grids(guess)[1]
+        is_coarse = first.path.grid.segments < own.segments
+        if is_coarse and first.stats.success:
             found = first
             if self.tolerance is None:
                 found = with_effort_of(first.stats, self.solver.solve_from(own, first))
             found = self._refined(found, guess)
             if found.stats.success or found.stats.status == STOPPED:
                 return found
-        if half is not own:
+        if is_coarse:
             first = self.solver.solve_from(own, guess)
         return _same(first, others) or self._refined(first, guess)
 
@@ -393,20 +416,24 @@ class _Solver:
     ipopt: Mapping[str, Any]
     callback: Callback | None
     tolerance: float
+    spent: list[int] = field(default_factory=list)  # iterations of all solves
 
-    def __call__(self, grid: Grid, guess: Path | Solution | None) -> Solution:
+    def __call__(
+        self, grid: Grid, guess: Path | Solution | None, known: Kept = MappingProxyType({})
+    ) -> Solution:
         """Return the solution or last iterate on a grid, from a path or another solution.
 
-        Of many conditions, those far from their bounds are left out until a path violates them.
+        Of many conditions, those far from their bounds are left out until a path violates them,
+        unless they are known to count.
         """
         whole = self.definition.conditions
         if len(whole.along_q) <= _FEW or whole.via:
             return self._solve_on(grid, guess)
         if isinstance(guess, Solution):
-            first = guess.iterate.nlp.definition
+            path = guess.path
         else:
             path = self.definition.initial_path(grid, guess)
-            first = self.definition.restricted(may_become_active(whole, path))
+        first = self.definition.restricted(joined(known, may_become_active(whole, path)))
 
         def solve(start: _Start) -> Solution:
             definition, guess = start
@@ -415,11 +442,13 @@ class _Solver:
         def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
             kept = found.iterate.nlp.conditions.kept
             missing = left_out(whole, kept, found.path)
-            if found.stats.status == STOPPED or not missing:
+            fails = not found.stats.success and number >= _FAILURES
+            if found.stats.status == STOPPED or not missing or fails:
                 return found, None
-            near = may_become_active(whole, found.path)
+            strays = guess is not None and found.stats.max_path_violation > _FEASIBLE
+            near = {} if strays else may_become_active(whole, found.path)
             more = self.definition.restricted(joined(kept, missing, near))
-            return found, (more, found if found.stats.success else guess)
+            return found, (more, guess if strays or not found.stats.success else found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
 
@@ -427,7 +456,7 @@ class _Solver:
         """Return the solution or last iterate under the conditions of this solver."""
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
-            if multipliers := _multipliers(nlp, guess):
+            if nlp.violation <= _NEARLY and (multipliers := _multipliers(nlp, guess)):
                 warm = {**NEAR, **_WARM_START}
                 if nlp.violation > _CHANGED:
                     warm["mu_init"] = _MODERATE_BARRIER
@@ -493,6 +522,7 @@ class _Solver:
             outcome = shared_ipopt(self.definition, shape, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
+        self.spent.append(outcome.iterations)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)

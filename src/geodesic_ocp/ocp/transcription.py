@@ -269,6 +269,8 @@ class Transcription(ShortRepr):
                 blocks.append(positions(group.terms, every))
                 continue
             nodes, own = group.at_nodes(self.s)
+            if not nodes.size:
+                continue
             places = group.inner.size_g * nodes[:, None] + group.indices[own]
             points = inner[group.inner]
             blocks.append(Block(group.terms, places, group.numbers[own], inner=points))

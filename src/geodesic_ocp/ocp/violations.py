@@ -92,7 +92,8 @@ class PathSamples:
     def _values(self, path: Path, s: Array) -> Array:
         c, q = self._conditions, path(s)
         bounded = [q[:, list(each.coordinates or ())] for each in c.bounds]
-        found = [*bounded, *(group.values(q, c.p_values) for group in c.groups)]
+        known: dict[Terms, Array] = {}
+        found = [*bounded, *(group.values(q, c.p_values, known) for group in c.groups)]
         if c.along_qv:
             found.append(self._in_qv.at("value", np.hstack([q, path(s, 1)]), c.p_values)[1])
         return np.hstack([np.zeros((s.size, 0)), *found]).T
@@ -189,7 +190,7 @@ def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) ->
     found = []
     for group in conditions.groups:
         ends = np.cumsum([each.size for each in group.conditions])[:-1]
-        values = np.split(group.values(q[None], conditions.p_values).T, ends)
+        values = np.split(group.values(q[None], conditions.p_values, {}).T, ends)
         for condition, of_one in zip(group.conditions, values, strict=True):
             found.append(_worst(metric, condition, of_one, np.array([s])))
     return sorted(filter(None, found), key=lambda one: -one.amount)
@@ -208,24 +209,29 @@ def may_become_active(conditions: Conditions, path: Path) -> Kept:
         excess = excess_over_bounds(condition, values)
         near = np.any(excess > -_MAY_CHANGE * np.ptp(values, axis=1, keepdims=True), axis=0)
         if condition.name in names and np.any(near):
-            own = np.zeros(CELLS + 2, dtype=bool)
-            for beside in range(3):
-                own[cells_at(s[near]) + beside] = True
-            kept[condition.name] = own[1:-1]
+            kept[condition.name] = _cells_about(s[near])
     return kept
 
 
+def _cells_about(s: Array) -> NDArray[np.bool_]:
+    """Return which cells contain some of these s, or are beside those."""
+    found = np.zeros(CELLS + 2, dtype=bool)
+    for beside in range(3):
+        found[cells_at(s) + beside] = True
+    return found[1:-1]
+
+
 def left_out(conditions: Conditions, kept: Kept, path: Path) -> Kept:
-    """Return conditions in q, and cells, in which a path violates a bound, but those kept."""
+    """Return conditions in q, and cells, in which a path violates a bound, but those kept; with the
+    cells beside these, as one alone may be without a node.
+    """
     s, found = path_samples(conditions)(path)
     names, missing = {condition.name for condition in conditions.along_q}, {}
     for condition, values in found:
         violated = np.any(excess_over_bounds(condition, values) > 0.0, axis=0)
-        own = np.zeros(CELLS, dtype=bool)
-        own[cells_at(s[violated])] = True
-        own &= ~kept.get(condition.name, np.zeros(CELLS, dtype=bool))
-        if condition.name in names and np.any(own):
-            missing[condition.name] = own
+        violated &= ~kept.get(condition.name, np.zeros(CELLS, dtype=bool))[cells_at(s)]
+        if condition.name in names and np.any(violated):
+            missing[condition.name] = _cells_about(s[violated])
     return missing
 
 
