@@ -280,8 +280,11 @@ def _summarize(result: Retargeting) -> None:
             f"positions scaled by {arm.mapping.scale:.3g}; {poses}"
         )
     for arm in result.bodies:
-        if arm.placement:
-            print(f"{arm.name} is moved, as {arm.placement.reason}: {arm.placement}")
+        stated: dict[str, list[str]] = {}
+        for kind, source in arm.limits.sources.items():
+            stated.setdefault(source, []).append(kind.replace("_", " "))
+        told = (f"{', '.join(kinds)}: {source}" for source, kinds in stated.items())
+        print(f"limits of {arm.robot.name}: {'; '.join(told)}")
         if arm.robot.shared_joints:
             print(waist_motion(arm))
     time = "the person's time"
