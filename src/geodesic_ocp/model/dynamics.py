@@ -181,8 +181,9 @@ class SymbolicFunctions:
         if count == 0:
             found = [np.zeros((0, *function.size_out(k))) for k in range(function.n_out())]
         else:
-            outputs = [out.full() for out in function.map(count).call(columns)]
-            found = [out.reshape(len(out), count, -1).transpose(1, 0, 2) for out in outputs]
+            outputs = evaluate(_mapped(function, count), *columns)
+            several = outputs if isinstance(outputs, tuple) else (outputs,)
+            found = [out.reshape(len(out), count, -1).transpose(1, 0, 2) for out in several]
         return found[0] if len(found) == 1 else tuple(found)
 
     def _function(self, name: str, arguments: Iterable[str], *options: int) -> ca.Function:
@@ -206,6 +207,12 @@ class SymbolicFunctions:
             wanted = f"(k, {size}) with k = {count}"
             raise ValueError(f"{name} must be finite, of shape {wanted}, got {rows.shape}")
         return rows.T
+
+
+@lru_cache(maxsize=64)
+def _mapped(function: ca.Function, count: int) -> ca.Function:
+    """Return the function of so many arguments side by side, which takes a while to make."""
+    return function.map(count)
 
 
 @dataclass(frozen=True)
