@@ -126,7 +126,7 @@ def as_integer(name: str, value: object, least: int) -> int:
 def evaluate(function: ca.Function, *arguments: Any) -> Any:
     """Call a CasADi function with expressions or with arrays; arrays give 2-d arrays."""
     symbolic = is_symbolic(*arguments)
-    outputs = None if symbolic else _by_buffers(function, arguments)
+    outputs: Any = None if symbolic else _by_buffers(function, arguments)
     if outputs is None:
         outputs = function.call(list(arguments))
         outputs = outputs if symbolic else [out.full() for out in outputs]
@@ -140,6 +140,7 @@ def _by_buffers(function: ca.Function, arguments: Sequence[Any]) -> list[Array] 
     shapes, results = _dense_shapes(function)
     if len(arguments) != len(shapes) or results is None:
         return None
+    buffer: Any
     buffer, run = function.buffer()
     used = []  # as it knows their addresses alone
     for index, (value, shape) in enumerate(zip(arguments, shapes, strict=True)):
@@ -149,7 +150,7 @@ def _by_buffers(function: ca.Function, arguments: Sequence[Any]) -> list[Array] 
             return None
         used.append(memoryview(value.ravel(order="F")))
         buffer.set_arg(index, used[-1])
-    outputs = [np.empty(shape, order="F") for shape in results]
+    outputs: list[Any] = [np.empty(shape, order="F") for shape in results]
     for index, output in enumerate(outputs):
         buffer.set_res(index, memoryview(output.reshape(-1, order="F")))
     run()
