@@ -162,7 +162,7 @@ def test_a_robot_is_moved_if_poses_are_out_of_reach(robot: go.Model) -> None:
 def test_a_slow_robot_is_moved_where_it_is_quicker() -> None:
     arm = go.human_arm("right", 1.95, 90.0)
     chain = arm.pin.copy()
-    chain.velocityLimit = np.full(arm.dof, 0.5)  # [rad/s]
+    chain.velocityLimit = np.full(arm.dof, 0.4)  # [rad/s]
     slow = go.Model(chain, arm.hand, shapes=arm.bodies)
     chosen = replace(LENIENT, scale=1.0, path_tolerance=(np.inf, np.inf))
     fixed = go.retarget(
