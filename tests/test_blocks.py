@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse
 
 from geodesic_ocp import blocks
+from geodesic_ocp.arrays import evaluate
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.cells import Cells
 
@@ -116,3 +117,19 @@ def test_a_quadratic_program_is_solved() -> None:
     outcome = BlockProgram(3, [near, links]).solve(np.ones(3), free, {})
     assert outcome.success
     np.testing.assert_allclose(outcome.x, np.array([1.0, -1.0, 1.0]) / 3.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_arrays_of_any_layout_are_evaluated_as_casadi_does(sparse: bool) -> None:
+    x, rotation = ca.SX.sym("x", 3), ca.SX.sym("R", 3, 3)
+    outer = ca.diag(x) if sparse else x @ x.T
+    function = ca.Function("f", [x, rotation], [rotation @ x, outer])
+    rng = np.random.default_rng(2)
+    wide, number = rng.normal(size=(6, 6)), 2.0
+    layouts = (wide[0, ::2], wide[::2, ::2]), (wide[:3, :1], wide[:3, :3].T), (number, wide[3:, 3:])
+    for given in layouts:
+        expected = [each.full() for each in function.call(list(given))]
+        for one, other in zip(evaluate(function, *given), expected, strict=True):
+            np.testing.assert_array_equal(one, other)
+    with pytest.raises(RuntimeError):
+        evaluate(function, wide[0], wide[:3, :3])  # of six entries

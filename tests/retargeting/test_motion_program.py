@@ -297,32 +297,68 @@ def test_two_arms_move_in_one_program(waypoints: ArmWaypoints, found: PlannedPat
             assert_allclose(mine.nodes[-1], alone.nodes[-1], atol=1e-4)
 
 
-@pytest.mark.slow
-def test_another_posture_is_tried_before_a_pose_is_given_up() -> None:
-    """Of the two configurations with the last position, the nearer one has the elbow too low."""
+def planar(start: Array, last: Array, **changes: Any) -> ArmWaypoints:
+    """Waypoints of a planar arm with two joints, which attains each position twice."""
     arm = planar_arm((0.4, 0.4), (1.0, 1.0), (0.2, 0.2), (0.01, 0.01)).with_armature(0.1)
-    start, low, high = np.array([[-0.15, 0.6], [-0.4, 0.8], [0.4, -0.8]])
-    poses = tuple(Pose(None, arm.hand_pose(q)[1]) for q in (start, low))
-    given = ArmWaypoints(
-        arm=arm.with_limits(lower=[-3.0] * 2, upper=[3.0] * 2),
+    return ArmWaypoints(
+        arm=arm.with_limits(lower=changes.pop("lower", [-3.0] * 2), upper=[3.0] * 2),
         limited=True,
         alignment=go.retargeting.Alignment(np.zeros(3), np.eye(3), np.eye(3), 0.8),
         begins=np.array([0.0]),
         ends=np.array([1.0]),
-        poses=poses,
-        target_at=partial(hand_between, arm, np.array([start, low])),
+        poses=tuple(Pose(None, arm.hand_pose(q)[1]) for q in (start, last)),
+        target_at=partial(hand_between, arm, np.array([start, last])),
         start=start,
         limits=no_limits(2),
         offsets=None,
+        **changes,
     )
-    assert_allclose(planned(given).paths[0][-1].nodes[-1], low, atol=1e-3)
+
+
+def above_floor(height: float) -> Clearance:
+    """Return the distance of the elbow, an angle, from a floor."""
     q = ca.SX.sym("q", 2)
-    clearance = Clearance(ca.Function("d", [q], [q[0] + 0.2]), np.zeros(1), ("elbow to floor",))
-    found = planned(given, clearance=clearance)
+    function = ca.Function("d", [q], [q[0] - height])
+    return Clearance(function, np.zeros(1), ("elbow to floor",))
+
+
+@pytest.mark.slow
+def test_another_posture_is_tried_before_a_pose_is_given_up() -> None:
+    """Of the two configurations with the last position, the nearer one has the elbow too low."""
+    start, low, high = np.array([[-0.15, 0.6], [-0.4, 0.8], [0.4, -0.8]])
+    given = planar(start, low)
+    assert_allclose(planned(given).paths[0][-1].nodes[-1], low, atol=1e-3)
+    found = planned(given, clearance=above_floor(-0.2))
     assert found.success
     assert not found.too_near
     assert found.within_reach == ((True, True),)
     assert_allclose(found.paths[0][-1].nodes[-1], high, atol=1e-3)
+
+
+@pytest.mark.parametrize("height", [-0.38, -0.3])
+def test_a_pose_gives_way_within_the_tolerance_if_it_can(height: float) -> None:
+    """Less energy takes the hand farther off; nowhere above -0.3 is it within the tolerance."""
+    start, low = np.array([[-0.15, 0.6], [-0.4, 0.8]])
+    given = planar(start, low, lower=[-3.0, 0.0], allowed=((0.0, 0.0), (0.01, 0.1)))
+    found = planned(given, clearance=above_floor(height))
+    assert found.success
+    assert not found.too_near
+    assert found.within_reach == ((True, False),)
+    error, _ = given.poses[1].error(given.arm, found.paths[0][-1].nodes[-1])
+    assert (error <= 0.01 + 1e-6) == (height < -0.35)
+
+
+def test_paths_may_start_with_the_distances_that_were_too_small() -> None:
+    """Obstacles added one after the other lead into a dead end, both at once around it."""
+    given = planar(*np.array([[-0.5, 0.6], [0.6, 0.9]]))
+    q, radius = ca.SX.sym("q", 2), 0.24  # of discs in the plane of the joints [rad]
+    discs = np.array([[0.02, 0.89], [-0.05, 0.63]])
+    distances = ca.vertcat(*(0.3 * (ca.norm_2(q - ca.DM(each)) - radius) for each in discs))
+    clearance = Clearance(ca.Function("d", [q], [distances]), np.zeros(2), ("one", "other"))
+    found = planned(given, clearance=clearance)
+    assert found.success
+    assert not found.too_near
+    assert found.within_reach == ((True, True),)
 
 
 def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoints) -> None:

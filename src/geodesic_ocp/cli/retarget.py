@@ -29,6 +29,7 @@ from geodesic_ocp.cli.terminal import (
     progress,
 )
 from geodesic_ocp.drawing.viewer import report as write_report
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS
@@ -116,12 +117,13 @@ def retarget(
     arms = [_body(robot[0], *of_arms)] if is_body else _arms(robot, each_side(side), *of_arms)
     bodies = tuple(map(as_obstacle, obstacle or ()))
     retargeting = replace(retargeting, obstacles=bodies)
+    robots, limits = joint_limits.of_robots([with_load(each, payload) for each, _ in arms])
+    arms = [(each, aligned) for each, (_, aligned) in zip(robots, arms, strict=True)]
     analyses = []
     for each in sides:
         analyses.append(analyse_file(file, each, analysis))
         print()
-    given = analyses, arms, retargeting, joint_limits, payload, rate, out, mount
-    return _transfer(*given, export or ())
+    return _transfer(analyses, arms, limits, retargeting, rate, out, mount, export or ())
 
 
 def demo(
@@ -152,7 +154,8 @@ def demo(
     save_analysis(analysis, out, settings)
     print()
     transfer = RetargetingSettings(limits=limits, speed_limits=limits)
-    return _transfer([analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot)
+    _, joints = GivenLimits().of_robots([each for each, _ in arms])
+    return _transfer([analysis], arms, joints, transfer, 100.0, out / robot)
 
 
 def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]) -> _Arm:
@@ -212,33 +215,30 @@ def _arms(
 def _transfer(
     analyses: Sequence[Analysis],
     arms: Sequence[_Arm],
+    limits: Sequence[JointLimits],
     settings: RetargetingSettings,
-    limits: GivenLimits,
-    payload: str | None,
     rate: float,
     out: Path | None,
     mount: Mount | None = None,
     exports: Sequence[Path] = (),
 ) -> int:
-    loaded = [with_load(robot, payload) for robot, _ in arms]
-    robots, joints = limits.of_robots(loaded)
-    alignments = [aligned for _, aligned in arms]
+    robots, alignments = zip(*arms, strict=True)
     placed: BasePlacement | None = None
     if mount == "auto":
         (given,) = alignments
         placed = place_base(
-            robots[0], analyses, alignment=given, limits=joints[0], settings=settings
+            robots[0], analyses, alignment=given, limits=limits[0], settings=settings
         )
-        alignments = [list(placed.alignments)]
+        alignments = (list(placed.alignments),)
         print(f"{robots[0].name}: {placed}\n")
     elif mount:
-        alignments = [each or _default_alignments(robot) for robot, each in arms]
+        alignments = tuple(each or _default_alignments(robot) for robot, each in arms)
     with progress() as bar:
         result = retarget_arms(
             analyses,
             robots,
             alignments=alignments,
-            limits=joints,
+            limits=limits,
             rate=rate,
             settings=settings,
             progress=bar,
@@ -280,8 +280,11 @@ def _summarize(result: Retargeting) -> None:
             f"positions scaled by {arm.mapping.scale:.3g}; {poses}"
         )
     for arm in result.bodies:
-        if arm.placement:
-            print(f"{arm.name} is moved, as {arm.placement.reason}: {arm.placement}")
+        stated: dict[str, list[str]] = {}
+        for kind, source in arm.limits.sources.items():
+            stated.setdefault(source, []).append(kind.replace("_", " "))
+        told = (f"{', '.join(kinds)}: {source}" for source, kinds in stated.items())
+        print(f"limits of {arm.robot.name}: {'; '.join(told)}")
         if arm.robot.shared_joints:
             print(waist_motion(arm))
     time = "the person's time"

@@ -142,7 +142,6 @@ class LiveRetargeting:
         self._segmentation = OnlineSegmentation(self._metric, threshold, fastest=fastest)
         # Functions are built and compiled now, not while the person moves.
         self._metric.kernels.available()
-        self._metric.acceleration(zero, zero)
         rotations, positions = self.mapping(np.array([zero, zero]))
         self._tracker.speeds(q, np.zeros(robot.dof), rotations[0], positions[0], np.zeros(6))
         self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
@@ -240,7 +239,9 @@ class LiveRetargeting:
             return np.array([self._samples[-1][1]] * 2)
         touched = self._samples[-1 - _BEFORE][0]
         position, velocity = self._parabola(_SHORT, touched)
-        bend = self._metric.acceleration(position, velocity) / 2.0
+        # Along a geodesic the velocity is transported parallel to itself.
+        state = np.append(position, velocity)[None]
+        bend = self._metric.transport_matrices(state)[0] @ velocity / 2.0
         since = time - touched + np.array([[0.0], [self._step]])
         return np.asarray(position + since * velocity + since**2 * bend)
 

@@ -345,6 +345,12 @@ class PairedArm(ShortRepr):
         poses = mapping(self.analysis.motion.q)
         return replace(self, mappings=(mapping,), target_poses=poses)
 
+    def scaled(self, factor: float) -> PairedArm:
+        """Return the same, with positions scaled by a factor, for all hands."""
+        mappings = tuple(replace(each, scale=factor * each.scale) for each in self.mappings)
+        scaled = replace(self, mappings=mappings)
+        return replace(scaled, target_poses=scaled.mapping(self.analysis.motion.q))
+
     @property
     def gravity(self) -> Array:
         """Gravity in the axes of the robot's base (3,) [m/s^2]."""

@@ -126,7 +126,7 @@ class BasePlacement(ShortRepr):
         if self.mirrored:
             parts.append("the motion mirrored")
         if self.factor < 1.0:
-            parts.append(f"positions scaled by {self.factor:g} of the ratio of the arms' lengths")
+            parts.append(f"positions scaled by a further {self.factor:g}")
         return (
             f"base {', '.join(parts) or 'at its default place'}: {self.reached} of {self.count} "
             f"poses within reach, {self.reached_before} at the default place; cost "

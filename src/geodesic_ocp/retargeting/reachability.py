@@ -330,12 +330,7 @@ def scaled_to_fit(pairs: Sequence[PairedArm]) -> list[PairedArm]:
             if most == len(samples):
                 break
         best = min(best, factor)
-    fitted = []
-    for pair in pairs:
-        mappings = tuple(replace(each, scale=best * each.scale) for each in pair.mappings)
-        scaled = replace(pair, mappings=mappings)
-        fitted.append(replace(scaled, target_poses=scaled.mapping(pair.analysis.motion.q)))
-    return fitted
+    return [pair.scaled(best) for pair in pairs]
 
 
 def distances_beyond(alignment: Alignment, positions: ArrayLike) -> Array:

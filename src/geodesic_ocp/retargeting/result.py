@@ -242,8 +242,6 @@ class Retargeting:
             if arm.mapping.turned:
                 turned = "is turned by 180 degrees, the same grasp; errors are from poses so turned"
                 notes.append(f"The gripper of {name} {turned}.")
-            if arm.placement:
-                notes.append(f"{name} is moved, as {arm.placement.reason}: {arm.placement}.")
         return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], " ".join(notes))
 
     def plot(self) -> Figure:

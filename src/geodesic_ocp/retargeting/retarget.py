@@ -112,8 +112,9 @@ def retarget(
             several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
             out of reach, or links too near or joints too weak at them, the base of one robot is
             moved to where most are attained (`place_base`); if the motion takes 1.5 times the
-            person's time, or a synergy 2.5 times, to where it is quicker. Not if a start, obstacles
-            or a problem of one's own are given.
+            person's time, or a synergy 2.5 times, to where it is quicker. If it does so there as
+            well, and its arm is longer than the person's, positions are not scaled. Not if a start,
+            obstacles or a problem of one's own are given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -214,7 +215,7 @@ def retarget_arms(
         movable = len(bodies) == 1 and problem is SynergyPaths and not settings.obstacles
         movable &= settings.position_weight > 0.0
         movable &= all(each is None for given in (alignments, starts) for each in given or ())
-        result, notes = plan.moved(bodies[0]) if movable else plan.constrained(pairs, problem)
+        result, notes = plan.of_robot(bodies[0]) if movable else plan.constrained(pairs, problem)
     else:
         result, notes = plan.geodesic(pairs)
     report("done", len(pairs), len(pairs))
@@ -258,7 +259,24 @@ class _Plan:
     throw: bool
     report: Progress
 
-    def moved(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
+    def of_robot(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
+        """Return the motion of one robot, moved if need be; where it is too slow all the same, as a
+        longer arm magnifies the person's motion, with positions as they are.
+        """
+        found, scale = self._moved(pair), pair.mapping.scale
+        if pair.settings.scale is not None or scale <= 1.0 or _slowness(found[0]) <= 1.0:
+            return found
+        result, notes = replace(self, throw=False)._moved(pair.scaled(1.0 / scale))
+        if _success(result) >= _success(found[0]):
+            return found
+        note = (
+            f"positions of {pair.robot.name} are scaled by {result.arms[0].mapping.scale:.3g}, as "
+            f"its motion is slow with the ratio of the arms' lengths (--scale {scale:.3g}): "
+            f"{found[0].stretch:.3g} times the person's time, now {result.stretch:.3g}"
+        )
+        return result, [note, *notes]
+
+    def _moved(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
         """Return the motion of one robot, from another place if more poses are attained there, or
         if it fails or is slow, and is better there.
         """
@@ -292,7 +310,7 @@ class _Plan:
         """Return the motion from another place."""
         result, notes = self.constrained(list(pair.of_hands), SynergyPaths, None, placement)
         note = (
-            f"{pair.name} is moved, as {placement.reason}: {placement}. To keep it where its "
+            f"{pair.robot.name} is moved, as {placement.reason}: {placement}. To keep it where its "
             "alignment has it, pass that alignment (--mount fixed)"
         )
         return result, [note, *notes]

@@ -101,7 +101,7 @@ class RetargetingSettings(ShortRepr):
     rest: bool = True
     rotor_inertia: bool = True
     stretch_weight: float = 5.0
-    deviation_weight: float = 3.0
+    deviation_weight: float = 1.0
     pose_tolerance: tuple[float, float] = (0.01, 0.087)
     exact: bool = False
     path_tolerance: tuple[float, float] = (0.03, 0.1)

@@ -370,14 +370,14 @@ class _Rounds:
             following = replace(iterate)
             helped = bool(more.keys() - rows.keys()) and lacks <= _HOPELESS * lacking
             if not helped or (yielding and number == 0):
-                if not yielding or (missed := _yielding(clearance, iterate)) is None:
+                if not yielding or (parts := _yielding(clearance, iterate)) is None:
                     return iterate, None
                 # From the paths without distances, as poses that cannot be attained led astray.
-                pairs = zip(free.parts, missed, strict=True)
+                pairs = zip(free.parts, parts, strict=True)
                 free = replace(
                     free,
                     parts=tuple(
-                        replace(one, missed=each, allowed=one.allowed & (each == one.missed))
+                        replace(one, missed=each.missed, allowed=each.allowed)
                         for one, each in pairs
                     ),
                 )
@@ -435,20 +435,23 @@ def _score(rounds: _Rounds, iterate: _Iterate, lacking: _Lacking) -> tuple[bool,
     return not iterate.success, total
 
 
-def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
-    """Return weights of missed poses, with those at which links are too near; None if there are no
-    new.
+def _yielding(clearance: Clearance, iterate: _Iterate) -> list[ArmPart] | None:
+    """Return the arms with poses missed at which links are too near, first within what is allowed,
+    then by any distance; None if there are no new ones.
     """
-    every, any_new = [], False
+    every, any_new = list[ArmPart](), False
     for part in iterate.parts:
         given = part.waypoints
         times = np.append(given.begins[0], given.ends)
         active = active_rows(clearance, positions_at(iterate.parts, iterate.nodes, times), -_BELOW)
-        near = np.zeros(times.size, dtype=bool)
-        near[active.samples[active.lacks > 0.0]] = True
-        new = near & (part.missed != _YIELDING)
+        new = np.zeros(times.size, dtype=bool)
+        new[active.samples[active.lacks > 0.0]] = True
+        new &= (part.missed != _YIELDING) | part.allowed
         new[0] &= given.start is None
-        every.append(np.where(new, _YIELDING, part.missed))
+        bounded = np.array([min(each) > 0.0 for each in given.allowed or [(0.0, 0.0)] * times.size])
+        bounded &= (part.missed == 0.0) | (part.allowed & (part.missed != _YIELDING))
+        missed = np.where(new, _YIELDING, part.missed)
+        every.append(replace(part, missed=missed, allowed=np.where(new, bounded, part.allowed)))
         any_new |= bool(new.any())
     return every if any_new else None
 
