@@ -30,6 +30,9 @@ _CLEAR = 1e-6  # violation, in the unit of the constraint, that a configuration 
 _TINY = 1e-12
 _AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
 _OWN = "the initial guess"
+# More conditions in q than these are many: only those near their bounds are part of the first
+# program, and a guess through obstacles comes last, as it takes long to solve.
+FEW = 20
 _STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
 # Detours.
 _S = np.linspace(0.0, 1.0, 25)  # of their nodes
@@ -235,11 +238,14 @@ class Guesses:
         for number, q in enumerate(detours):
             self.tried.append(f"detour {number + 1}")
             yield self.tried[-1], Path.through(metric, q)
-        if not is_clear and (detours or several):
+        is_quick = len(self.definition.conditions.along_q) <= FEW
+        if not is_clear and (detours or several or is_quick):
             yield self._as_own()
 
     def last(self) -> Iterator[tuple[str, Path | None]]:
-        """Yield the problem's own guess if it was left out, as neither it nor a detour is clear."""
+        """Yield the problem's own guess if it was left out, as neither it nor a detour is clear
+        and there are many conditions.
+        """
         if self.tried and _OWN not in self.tried:
             yield self._as_own()
 

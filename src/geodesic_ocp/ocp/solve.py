@@ -17,7 +17,7 @@ from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Re
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
-from geodesic_ocp.ocp.guesses import Guesses
+from geodesic_ocp.ocp.guesses import FEW, Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
@@ -81,8 +81,7 @@ _WARM_START = {
 # Above the other bound multipliers do not help any more.
 _CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
-# Of more conditions in q than these, only those near their bounds are part of the first program.
-_FEW, _MOST_ROUNDS, _FAILURES = 20, 20, 2
+_MOST_ROUNDS, _FAILURES = 20, 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 
@@ -427,7 +426,7 @@ class _Solver:
         unless they are known to count.
         """
         whole = self.definition.conditions
-        if len(whole.along_q) <= _FEW or whole.via:
+        if len(whole.along_q) <= FEW or whole.via:
             return self._solve_on(grid, guess)
         if isinstance(guess, Solution):
             path = guess.path

@@ -272,7 +272,8 @@ class _BaseSearch:
         within = bool(np.all(self.lower <= 0.0) and np.all(self.upper >= 0.0))
         tried = [before] if within else []
         roughly = [self.mounted(*each, _ROUGHLY) for each in self._most_within_reach()]
-        tried += [self.mounted(each.place, each.mirrored) for each in sorted(roughly, key=_rank)[:1]]
+        for each in sorted(roughly, key=_rank)[:1]:
+            tried.append(self.mounted(each.place, each.mirrored))
         found = min(tried, key=_rank)
         for factor in self.factors:
             polished = self._polished(found, factor)
