@@ -48,12 +48,9 @@ def by_name(outcomes: Iterator[RecordingOutcome]) -> dict[str, RecordingOutcome]
 
 @pytest.mark.slow
 def test_processes_that_die_twice_are_named_with_their_recordings(folder: Path) -> None:
-    """One that dies once costs nothing: by the signal by which the executor ends them itself."""
-    flag = folder / "flag"
-    given = tasks(folder, 5)
+    given = tasks(folder, 4)
     given[1] = task(folder, "killed.csv", DeadlyPath(signal.SIGKILL))
     given[2] = task(folder, "ended.csv", DeadlyPath(0))
-    given[4] = task(folder, "once.csv", DeadlyPath(signal.SIGTERM, flag))
     found = by_name(in_processes(iter(given), 2))
     assert set(found) == {each.source.file for each in given}
     for name, words in (
@@ -63,9 +60,18 @@ def test_processes_that_die_twice_are_named_with_their_recordings(folder: Path) 
         dead = found.pop(name)
         assert dead.kind == "process"
         assert words in dead.text
-    assert flag.exists()
-    assert found.pop("once.csv").kind != "process"
     assert {each.kind for each in found.values()} == {"file"}  # there is no such file
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_once_costs_nothing(folder: Path) -> None:
+    """Also by the signal by which the executor ends processes itself."""
+    flag = folder / "flag"
+    given = [*tasks(folder, 2), task(folder, "deadly.csv", DeadlyPath(signal.SIGTERM, flag))]
+    found = by_name(in_processes(iter(given), 2))
+    assert flag.exists()
+    assert set(found) == {each.source.file for each in given}
+    assert all(each.kind != "process" for each in found.values())
 
 
 @pytest.mark.slow
