@@ -41,7 +41,7 @@ def test_conditions_are_added_where_a_path_violates_them(monkeypatch: pytest.Mon
     few = go.solve(problem, tolerance=1e-6)
     kept = [each.name for each in few.iterate.nlp.conditions.along_q]
     assert kept == ["disc (0.0, -0.1)", "disc (0.6, 0.36)"]
-    monkeypatch.setattr(solve_module, "_FEW", len(problem.centres))
+    monkeypatch.setattr(solve_module, "FEW", len(problem.centres))
     every = go.solve(problem, tolerance=1e-6)
     assert few.stats.objective == pytest.approx(every.stats.objective, rel=1e-6)
     assert few.multipliers.keys() == every.multipliers.keys()
