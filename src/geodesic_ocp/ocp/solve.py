@@ -78,9 +78,10 @@ _WARM_START = {
 
 # Where new rows or nodes are violated by more than this, each in its unit, other conditions become
 # active, which is slow from the smallest barrier.
-# Above the other bound multipliers do not help any more.
+# Above `_NEARLY`, the multipliers of the coarser grid no longer help.
 _CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
+# Rounds at most in which conditions are added, and how many solves of these may fail.
 _MOST_ROUNDS, _FAILURES = 20, 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name

@@ -492,13 +492,11 @@ def _centre(alignments: Sequence[Alignment]) -> Array:
     return np.asarray(np.mean([np.asarray(each.shoulder) for each in alignments], axis=0))
 
 
-def _mappings(
-    pair: PairedArm, alignments: Sequence[Alignment], factor: float = 1.0
-) -> tuple[PoseMapping, ...]:
-    """Return the mappings with other alignments of the robot's hands, and a factor of the scale."""
+def _mappings(pair: PairedArm, alignments: Sequence[Alignment]) -> tuple[PoseMapping, ...]:
+    """Return the mappings with other alignments of the robot's hands."""
     between = PoseMapping.between
     return tuple(
-        replace(between(old.model, old.source, new, pair.settings), scale=factor * old.scale)
+        replace(between(old.model, old.source, new, pair.settings), scale=old.scale)
         for old, new in zip(pair.mappings, alignments, strict=True)
     )
 
@@ -507,8 +505,7 @@ def _at(pair: PairedArm, alignments: Sequence[Alignment], factor: float) -> Pair
     """Return the pair with other alignments of the robot's hands, and a factor of the scale."""
     if tuple(alignments) == tuple(each.target for each in pair.mappings) and factor == 1.0:
         return pair
-    moved = replace(pair, mappings=_mappings(pair, alignments, factor))
-    return replace(moved, target_poses=moved.mapping(pair.analysis.motion.q))
+    return replace(pair, mappings=_mappings(pair, alignments)).scaled(factor)
 
 
 _IPOPT = {"tol": 1e-4, "max_iter": 200, "mu_init": 1e-2, "mu_strategy": "adaptive"}
