@@ -41,8 +41,7 @@ from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.load_solution import load_solution
 from geodesic_ocp.ocp.solve import solve
-from geodesic_ocp.recordings.read_markers import read_markers
-from geodesic_ocp.recordings.read_recording import read_recording
+from geodesic_ocp.recordings.read_recording import read_markers, read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.arm_alignment import check_joints, read_alignment

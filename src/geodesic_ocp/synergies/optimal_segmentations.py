@@ -307,7 +307,7 @@ def fewest_within(counts: np.ndarray, errors: Array, error: float | None) -> int
 def cut_candidates(motion: Motion, spacing: float) -> list[int]:
     """Return indices of the samples nearest to evenly spaced times, both ends included."""
     count = max(1, round(motion.duration / spacing))
-    return nearest_samples(motion, np.linspace(*motion.time[[0, -1]], count + 1))
+    return nearest_samples(motion, np.linspace(motion.time[0], motion.time[-1], count + 1))
 
 
 def _warn(failures: int, which: str, stacklevel: int) -> None:

@@ -16,8 +16,10 @@ from geodesic_ocp.recordings.conventions.continuous_angles import (
     continuous_angles,
     successive_rotations,
 )
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SegmentOrientations,
+    joint_angles,
+)
 from geodesic_ocp.trajectory.motion import FrameMotion
 
 ARMS = {side: go.human_arm(side) for side in ("right", "left")}

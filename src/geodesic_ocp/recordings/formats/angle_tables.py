@@ -21,9 +21,8 @@ import scipy
 from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.delimited import Table, read_csv
-from geodesic_ocp.recordings.formats.text_lines import named_failures, read_lines
+from geodesic_ocp.recordings.formats.text_lines import ANGLES, named_failures, read_lines
 from geodesic_ocp.recordings.recording import ask_about_degrees
-from geodesic_ocp.recordings.units import ANGLES
 from geodesic_ocp.records import write_file
 from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import Motion

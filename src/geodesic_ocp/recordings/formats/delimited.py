@@ -38,6 +38,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.text_lines import (
+    LENGTHS,
     is_time,
     name_and_unit,
     named_failures,
@@ -45,7 +46,6 @@ from geodesic_ocp.recordings.formats.text_lines import (
 )
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.recordings.units import LENGTHS
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 _MISSING = ("", "nan", "-nan")
@@ -275,8 +275,9 @@ def read_csv(
         names.append(name if cell == times[0] or own in units else cell)
     check_names("the header", names)
     height, mass = (_positive_number(notes, key) for key in ("height", "mass"))
-    plain = {"blank": " \t", "ends": False} if separator == "," else {}
-    rows = read_rows(lines, first + 1, names, separator, **plain)
+    other = separator != ","
+    blank = " ,\t" if other else " \t"
+    rows = read_rows(lines, first + 1, names, separator, blank=blank, ends=other)
     if separator != "," and _has_decimal_commas(rows):
         assumed.append("decimal commas")
         points = [[cell.replace(",", ".") for cell in row] for row in rows.cells]

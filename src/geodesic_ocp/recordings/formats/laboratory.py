@@ -47,10 +47,15 @@ from geodesic_ocp.recordings.formats.delimited import (
     split_line,
 )
 from geodesic_ocp.recordings.formats.opensim import motion_of_columns
-from geodesic_ocp.recordings.formats.text_lines import named_failures, numbers, read_lines
+from geodesic_ocp.recordings.formats.text_lines import (
+    ANGLES,
+    LENGTHS,
+    named_failures,
+    numbers,
+    read_lines,
+)
 from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.recordings.units import ANGLES, LENGTHS
 from geodesic_ocp.records import read_structured
 from geodesic_ocp.trajectory.motion import Motion, Subject
 

@@ -1,4 +1,4 @@
-"""Lines of text files, the numbers in them, and the file's name in messages."""
+"""Lines of text files, the numbers in them and their units, and the file's name in messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,22 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from geodesic_ocp.errors import RecordingError
+
+#: Radians in a unit of angle, by its name in lower case.
+ANGLES = {
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), 1.0),
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), np.pi / 180.0),
+}
+#: Metres in a unit of length, by its name in lower case.
+LENGTHS = {
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 1e-2),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 1e-3),
+}
+
 
 # No angle, length or coordinate of a person is larger in any unit, so that nothing overflows.
 _LARGEST = 1e9
