@@ -29,9 +29,8 @@ from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.replay import Replay
 from geodesic_ocp.manifold.metrics import KineticEnergy
-from geodesic_ocp.model.anthropometry import Side, trunk
-from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, both_arms, human_arm, human_upper_body
 from geodesic_ocp.model.joint_axes import upward
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -56,8 +55,7 @@ def body_of(motion: Motion) -> tuple[Model, str]:
     if names.issuperset(whole.joint_names):
         model = whole
     elif len(found) == 2:
-        across = trunk().half_width * height
-        model = combine(*found, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
+        model = both_arms(found, height)
     elif found:
         model = found[0]
     else:

@@ -12,12 +12,12 @@ from typing import Any, get_args
 
 from geodesic_ocp.arrays import as_integer, as_positive
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side, Sides, trunk
-from geodesic_ocp.model.combine import combine
+from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.human import (
     DEFAULT_HEIGHT,
     DEFAULT_MASS,
     as_stature,
+    both_arms,
     human_arm,
     human_upper_body,
 )
@@ -370,8 +370,7 @@ def _arm(side: Sides, height: float, mass: float, armature: float, has_trunk: bo
     if has_trunk:
         return human_upper_body(height, mass, armature=armature)
     arms = [human_arm(each, height, mass, armature=armature) for each in get_args(Side)]
-    across = trunk().half_width * height
-    return combine(*arms, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
+    return both_arms(arms, height)
 
 
 def stature_of(

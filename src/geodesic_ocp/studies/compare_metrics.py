@@ -163,9 +163,9 @@ class MetricComparison:
         Raises:
             ValueError: a number of segments that was not compared.
         """
-        known = {int(count) for curve in self.curves.values() for count in curve.index}
-        if missing := sorted(set(counts or ()) - known):
-            raise ValueError(f"counts {missing} are not among those compared, {sorted(known)}")
+        known = self._counts
+        if missing := sorted(set(counts or ()).difference(known)):
+            raise ValueError(f"counts {missing} are not among those compared, {known}")
         rows = []
         for name, curve in self.curves.items():
             best = self.best_count(name)
@@ -258,13 +258,18 @@ class MetricComparison:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, self._write)
 
-    def _write(self, folder: FilePath) -> None:
-        known = {int(count) for curve in self.curves.values() for count in curve.index}
-        self.table(sorted(known)).to_csv(folder / "table.csv")
-        (folder / "table.md").write_text(markdown(self.table()), encoding="utf-8")
-        save_figure(self.plot(), folder)
+        def write(place: FilePath) -> None:
+            self.table(self._counts).to_csv(place / "table.csv")
+            (place / "table.md").write_text(markdown(self.table()), encoding="utf-8")
+            save_figure(self.plot(), place)
+
+        return write_together(folder, write)
+
+    @property
+    def _counts(self) -> list[int]:
+        """All numbers of segments that any metric has."""
+        return sorted({int(count) for curve in self.curves.values() for count in curve.index})
 
 
 _LEAST_NOISE = 1e-6  # [rad or m]: the rounding of recordings
@@ -403,16 +408,12 @@ def compare_metrics(
             model=model,
             spacing=spacing,
             max_duration=max_duration,
-            progress=progress and _labelled(progress, name),
+            progress=progress and (lambda label, *of, name=name: progress(f"{name}: {label}", *of)),
         )
         chosen = found.counts.tolist() if counts is None else sorted({int(k) for k in counts})
         curves[name] = _curve(model, found, chosen, refined, floor, frequency)
         by_rule[name] = _by_rule(model, metric, motion, rules, name)
     return MetricComparison(model, motion, measure, curves, by_rule)
-
-
-def _labelled(progress: Progress, name: str) -> Progress:
-    return lambda label, done, total: progress(f"{name}: {label}", done, total)
 
 
 def _curve(
@@ -433,7 +434,7 @@ def _curve(
         errors = motion_errors(model, motion, predicted)
         criterion = bayesian_information(predicted.q - motion.q, count, noise, independent)
         cuts = tuple(found.segments(count, refined=refined))
-        rows.append((count, errors.joint, errors.position, errors.orientation, criterion, cuts))
+        rows.append((count, *errors.means, criterion, cuts))
     columns = ["segments", *_MEASURES, "criterion", "cuts"]
     return DataFrame(rows, columns=columns).set_index("segments")
 
@@ -457,6 +458,5 @@ def _by_rule(
             )
             continue
         errors = motion_errors(model, motion, predicted)
-        found = (errors.joint, errors.position, errors.orientation)
-        points.append((rule, len(segments), *found))
+        points.append((rule, len(segments), *errors.means))
     return DataFrame(points, columns=["cuts", "segments", *_MEASURES]).set_index("cuts")

@@ -383,7 +383,7 @@ class Analysis:
             OSError: the folder cannot be created or written to.
         """
 
-        def write(folder: FilePath) -> None:
+        def write(place: FilePath) -> None:
             tables = {"table": self.table(), "second_order": self.second_order(effort=effort)}
             if self.errors_unfiltered:
                 tables["table_unfiltered"] = self.table(unfiltered=True)
@@ -393,9 +393,9 @@ class Analysis:
             if degrees:
                 tables = {name: in_degrees(table) for name, table in tables.items()}
                 figure = in_degrees(figure)
-            save_tables(folder, tables)
-            save_figure(figure, folder)
-            file, names = folder / "synergies.json", self.motion.joint_names
+            save_tables(place, tables)
+            save_figure(figure, place)
+            file, names = place / "synergies.json", self.motion.joint_names
             save_synergies(file, self.synergies, names, self.model)
 
         return write_together(folder, write)

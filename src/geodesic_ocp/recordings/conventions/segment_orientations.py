@@ -38,8 +38,6 @@ ARM = ("upper arm", "forearm", "hand")  # after a side
 #: Names of the segments; those of the arms begin with "right" or "left".
 SEGMENTS = (*TRUNK, *(f"{side} {part}" for side in SIDES for part in ARM))
 
-_ORTHONORMAL = 1e-6
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SegmentOrientations:
@@ -77,21 +75,15 @@ class SegmentOrientations:
         for name, given in self.rotations.items():
             if name not in SEGMENTS:
                 raise ValueError(f"there is no segment {name!r}; there are {', '.join(SEGMENTS)}")
-            matrices = np.array(given, dtype=float)
-            if matrices.shape != (time.size, 3, 3):
+            if np.shape(given) != (time.size, 3, 3):
                 raise ValueError(
                     f"rotations of the {name} must have shape ({time.size}, 3, 3), got "
-                    f"{matrices.shape}"
+                    f"{np.shape(given)}"
                 )
-            errors = np.abs(np.swapaxes(matrices, 1, 2) @ matrices - np.eye(3)).max(axis=(1, 2))
-            crosses = np.cross(matrices[:, :, 0], matrices[:, :, 1])
-            proper = (errors <= _ORTHONORMAL) & (np.sum(crosses * matrices[:, :, 2], axis=1) > 0.0)
-            if not proper.all():
-                raise ValueError(
-                    f"the matrix of the {name} at sample {int(np.argmin(proper))} is not a rotation"
-                )
-            matrices.flags.writeable = False
-            checked[name] = matrices
+            try:
+                checked[name] = FrameMotion(given, np.zeros((time.size, 3))).rotations
+            except ValueError as failure:
+                raise ValueError(f"{name}: {failure}") from None
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "rotations", checked)
 
