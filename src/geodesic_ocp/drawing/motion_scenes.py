@@ -203,7 +203,7 @@ def viewed_from(model: Model) -> float:
 _HELD = 0.98  # of a second, for which each of several configurations is shown
 
 
-def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "") -> Playback:
+def model_playback(model: Model, q: np.ndarray | None = None) -> Playback:
     """Return a model in one configuration, or in several, one a second, with the frames of its
     joints.
 
@@ -211,7 +211,6 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
         model: model that is shown.
         q: a configuration (n,) or several (k, n) [rad or m]; by default each joint at zero, or at
             the limit that is nearest to zero.
-        title: title of the playback; the model's name by default.
 
     Raises:
         ValueError: q has another shape, is not finite, or seems to be in degrees.
@@ -237,7 +236,7 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
         last = Span(str(len(rows)), float(starts[-1]), float(time[-1]))
         spans = {"configurations": (*each, last)}
         note = f"{len(rows)} configurations, one a second"
-    scene = model_scene(model, time, configurations, title=title, note=note, joints=True)
+    scene = model_scene(model, time, configurations, note=note, joints=True)
     scene = replace(scene, trails=())
     return Playback(scene.title, (scene,), spans, azimuth=viewed_from(model))
 

@@ -232,9 +232,7 @@ def _speed(path: Path, s: Array, q: Array) -> Plot:
     return Plot(f"speed |q'|{unit}", (speed,), marks=(0.0,))
 
 
-def solution_playback(
-    solution: Solution, model: Model | None = None, *, title: str = ""
-) -> Playback:
+def solution_playback(solution: Solution, model: Model | None = None) -> Playback:
     """Return the path of a solution, as `path_playback` shows it, among the obstacles of its
     problem.
 
@@ -245,7 +243,6 @@ def solution_playback(
     Args:
         solution: solution with its problem, whose `obstacles` are shown.
         model: model that moves; None: that of the problem's metric, if it has one.
-        title: title of the playback; by default the problem's class, energy and length.
 
     Raises:
         ValueError: see `path_playback`.
@@ -253,7 +250,7 @@ def solution_playback(
     problem, stats = solution.problem, solution.stats
     kind = type(problem).__name__
     found = f"energy {stats.energy:.4g}, length {solution.path.length:.4g}"
-    title = title or f"{kind}: {found if stats.success else 'not solved'}"
+    title = f"{kind}: {found if stats.success else 'not solved'}"
     playback = path_playback(solution.path, model, title=title)
     scene = playback.scenes[0]
     if not stats.success:
@@ -304,20 +301,19 @@ def _considered(
     return {link for links in wanted for link in links if link is not None}
 
 
-def timed_playback(motion: TimedMotion, model: Model | None = None, *, title: str = "") -> Playback:
+def timed_playback(motion: TimedMotion, model: Model | None = None) -> Playback:
     """Return a motion q(t): its model, or the curve of its coordinates, among the obstacles.
 
     Args:
         motion: a Riemannian spline or the solution of a `MotionProblem`.
         model: model that moves; None: that of the motion's metric, if it has one.
-        title: title of the playback; by default what the motion is.
 
     Raises:
         ValueError: there is no model, and more than three coordinates.
     """
     metric, sampled = motion.metric, motion.to_motion()
     shown = model_of(metric, model)
-    title = title or type(getattr(motion, "problem", motion)).__name__
+    title = type(getattr(motion, "problem", motion)).__name__
     if shown is not None:
         playback = motion_playback(sampled, shown, title=title)
     else:

@@ -144,8 +144,8 @@ class MetricComparison:
             M sum_j (log s_j^2 + R_j / s_j^2) + k (n + 2) log(M n),  s_j^2 = max(R_j, sigma_j^2).
 
         A segment has n + 2 parameters: the configuration, the time and the speed at its end. After
-        a low-pass filter with cut-off frequency f, M is 2 f times the duration (Schwarz, The Annals
-        of Statistics 6, 1978).
+        a low-pass filter with cut-off frequency f, M is 2 f times the duration (Schwarz,
+        "Estimating the dimension of a model", The Annals of Statistics 6, 1978).
 
         Raises:
             ValueError: there is no such metric.
@@ -279,14 +279,9 @@ _NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal var
 def bayesian_information(
     residuals: Array, segments: int, noise: Array, independent_samples: float
 ) -> float:
-    """Return BIC of a motion that is reconstructed from segments; the smallest of several is best.
+    """Return BIC of a motion from segments, see `MetricComparison.best_count`.
 
-    M sum_j (log s_j^2 + mean(r_j^2) / s_j^2) + k (n + 2) log(M n)
-
-    for Gaussian residuals r_j of joint j with variance s_j^2 = max(mean(r_j^2), sigma_j^2), where
-    nothing below the noise sigma_j counts as explained. The k segments have n + 2 parameters each:
-    the configuration, the time and the speed at their ends (Schwarz, "Estimating the dimension of a
-    model", The Annals of Statistics 6, 1978).
+    Residuals are taken as Gaussian, and nothing below the noise counts as explained.
 
     Args:
         residuals: predicted minus observed coordinates (samples, n).

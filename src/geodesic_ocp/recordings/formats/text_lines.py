@@ -65,23 +65,24 @@ def read_lines(file: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def numbers(line: int, what: str, words: Sequence[str], count: int) -> list[float]:
-    """Return `count` finite numbers from the words of a line.
+def numbers(line: int | None, what: str, words: Sequence[str], count: int) -> list[float]:
+    """Return `count` finite numbers from the words of a line, if the place is one.
 
     Raises:
         RecordingError: another count, or a word that is not a finite number; the message names the
             line and `what` they are.
     """
+    what = what if line is None else f"line {line}: {what}"
     if len(words) != count:
-        raise RecordingError(f"line {line}: {what} has {len(words)} numbers, not {count}")
+        raise RecordingError(f"{what} has {len(words)} numbers, not {count}")
     try:
         values = [float(word) for word in words]
     except ValueError:
         shown = " ".join(words)[:40]
-        raise RecordingError(f"line {line}: {what} is not numeric: {shown!r}") from None
+        raise RecordingError(f"{what} is not numeric: {shown!r}") from None
     for value in values:
         if not math.isfinite(value) or abs(value) > _LARGEST:
-            raise RecordingError(f"line {line}: {what} has the value {value:g}")
+            raise RecordingError(f"{what} has the value {value:g}")
     return values
 
 
