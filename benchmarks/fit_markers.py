@@ -31,7 +31,7 @@ from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.read_markers import read_markers
+from geodesic_ocp.recordings.read_recording import read_markers
 from geodesic_ocp.tables import markdown, new_table
 
 FILTERS = {"Savitzky-Golay 0.21 s": {"duration": 0.21}, "default": {}}

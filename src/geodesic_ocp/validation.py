@@ -6,17 +6,19 @@ The project's own is made by tools/known_geodesics.py, which shares no code with
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, astuple, dataclass, fields, replace
-from functools import lru_cache, partial
+from dataclasses import astuple, dataclass
+from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
+from msgspec import Meta, Struct, convert
+from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import as_not_negative, as_number, as_positive
+from geodesic_ocp.arrays import as_number, as_positive
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.logarithm.cubics import cubic
 from geodesic_ocp.logarithm.log import log
@@ -28,7 +30,7 @@ from geodesic_ocp.model.dynamics import BACKENDS, choose_backend, why_unavailabl
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.records import parse_json
+from geodesic_ocp.records import decoding, read_record
 from geodesic_ocp.tables import new_table, text
 
 if TYPE_CHECKING:
@@ -165,15 +167,13 @@ def has_model(description: Mapping[str, Any]) -> bool:
     return description.get("kind") in ("planar arm", "human arm", "urdf")
 
 
-def check_description(description: object) -> dict[str, Any]:
+def check_description(description: Mapping[str, Any]) -> dict[str, Any]:
     """Return the description of a metric, if its kind is known and its fields are those of the
     kind.
 
     Raises:
         ValueError: names what is missing, not known, or not of the kind.
     """
-    if not isinstance(description, Mapping):
-        raise ValueError(f"metric must be an object with a kind, got {description!r}")
     given = dict(description)
     kind = _choice(given, "kind", _FIELDS)
     needed, possible = _FIELDS[kind]
@@ -187,6 +187,8 @@ def check_description(description: object) -> dict[str, Any]:
             raise ValueError(
                 f"metric: {kind!r} has no {name!r}, but {_listed((*needed, *possible))}"
             )
+    if not isinstance(given.get("file", ""), str):
+        raise ValueError(f"metric: file must be a text, got {given['file']!r}")
     return given
 
 
@@ -238,8 +240,19 @@ BUNDLED = Path(__file__).resolve().parent / "data" / "known_geodesics.json"
 FORMAT, VERSION = "geodesic_ocp known geodesics", 1
 
 
-@dataclass(frozen=True)
-class KnownGeodesic:
+Positive: TypeAlias = Annotated[float, Meta(gt=0.0)]
+Text: TypeAlias = Annotated[str, Meta(pattern=r"\S")]
+Vector: TypeAlias = Annotated[tuple[float, ...], Meta(min_length=1)]
+
+
+class Point(Struct, frozen=True, forbid_unknown_fields=True):
+    """A point q (n,) on the way, at s in (0, 1)."""
+
+    s: Annotated[float, Meta(gt=0.0, lt=1.0)]
+    q: Vector
+
+
+class KnownGeodesic(Struct, frozen=True, forbid_unknown_fields=True):
     """A geodesic q(s), s in [0, 1], that is known from elsewhere.
 
     Attributes:
@@ -252,23 +265,28 @@ class KnownGeodesic:
         log: whether the logarithm that starts from the straight line is to find v0.
         tolerances: "exp", of positions and the length, and "log", of the initial velocity.
         source: where the values come from.
-        points: s and q(s) on the way.
+        points: in the order of s.
     """
 
-    name: str
-    metric: Mapping[str, Any]
-    q0: tuple[float, ...]
-    v0: tuple[float, ...]
-    q1: tuple[float, ...]
-    length: float
+    name: Text
+    metric: dict[str, Any]
+    q0: Vector
+    v0: Vector
+    q1: Vector
+    length: Positive
     log: bool
-    tolerances: Mapping[str, float]
-    source: str
-    points: tuple[tuple[float, tuple[float, ...]], ...] = ()
+    tolerances: dict[Literal["exp", "log"], Positive]
+    source: Text
+    points: tuple[Point, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_fit(self, v0=self.v0, q1=self.q1)
+        for name in ("exp", "log") if self.log else ("exp",):
+            if name not in self.tolerances:
+                raise ValueError(f"tolerances: {name!r} is missing")
 
 
-@dataclass(frozen=True)
-class KnownCubic:
+class KnownCubic(Struct, frozen=True, forbid_unknown_fields=True):
     """A Riemannian cubic q(t), t in [0, duration], or a cubic in tension, that is known from
     elsewhere.
 
@@ -282,24 +300,40 @@ class KnownCubic:
         action: int (|D_t q'|^2 + tension^2 |q'|^2) / 2 dt.
         tolerance: of positions, and of the action relative to it.
         source: where the values come from.
-        points: s = t / duration and q(t) on the way.
+        points: in the order of s = t / duration.
     """
 
-    name: str
-    metric: Mapping[str, Any]
-    q0: tuple[float, ...]
-    v0: tuple[float, ...]
-    q1: tuple[float, ...]
-    v1: tuple[float, ...]
-    duration: float
-    tension: float
-    action: float
-    tolerance: float
-    source: str
-    points: tuple[tuple[float, tuple[float, ...]], ...]
+    name: Text
+    metric: dict[str, Any]
+    q0: Vector
+    v0: Vector
+    q1: Vector
+    v1: Vector
+    duration: Positive
+    tension: Annotated[float, Meta(ge=0.0)]
+    action: Positive
+    tolerance: Positive
+    source: Text
+    points: tuple[Point, ...]
+
+    def __post_init__(self) -> None:
+        _check_fit(self, v0=self.v0, q1=self.q1, v1=self.v1)
 
 
 Known = TypeVar("Known", KnownGeodesic, KnownCubic)
+
+
+def _check_fit(known: KnownGeodesic | KnownCubic, **vectors: tuple[float, ...]) -> None:
+    """Raise ValueError if the metric, the vectors or the points do not fit q0 and each other."""
+    check_description(known.metric)
+    vectors |= {f"points[{index}]: q": point.q for index, point in enumerate(known.points)}
+    for name, numbers in vectors.items():
+        if len(numbers) != len(known.q0):
+            raise ValueError(
+                f"{name} must have {len(known.q0)} numbers as q0 has, got {len(numbers)}"
+            )
+    if np.any(np.diff([point.s for point in known.points]) <= 0.0):
+        raise ValueError("points: every s must be above the one before")
 
 
 def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[KnownGeodesic, ...]:
@@ -321,126 +355,28 @@ def read_known_cubics(file: str | PathLike[str] | None = None) -> tuple[KnownCub
 
 def _read(file: str | PathLike[str] | None, name: str, kind: type[Known]) -> tuple[Known, ...]:
     path = BUNDLED if file is None else Path(file)
-    try:
-        record = parse_json(path.read_text(encoding="utf-8"))
-    except OSError as failure:
-        raise ValueError(f"{path}: cannot be read: {failure}") from None
-    except (ValueError, RecursionError) as failure:
-        raise ValueError(f"{path}: is not JSON: {failure}") from None
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise ValueError(f'{path}: "format" must be {FORMAT!r}')
-    if record.get("version") != VERSION:
-        raise ValueError(f'{path}: "version" must be {VERSION}, is {record.get("version")!r}')
+    record = read_record(path, FORMAT, VERSION, "known geodesics")
     lists = [record.get(each, []) for each in ("entries", "cubics")]
     if not all(isinstance(each, list) for each in lists) or not any(lists):
         raise ValueError(
             f'{path}: "entries" must be a list of known geodesics, "cubics" one of known cubics, '
             "and at least one of them must have one"
         )
-    known: list[Known] = []
+    known: dict[str, Known] = {}
     for number, given in enumerate(record.get(name, []), start=1):
         named = isinstance(given, dict) and isinstance(given.get("name"), str)
         what = "cubic" if name == "cubics" else "entry"
         what += f" {number} ({given['name']!r})" if named else f" {number}"
-        try:
-            entry = _entry(given, kind, path.parent)
-        except ValueError as failure:
-            raise ValueError(f"{path}: {what}: {failure}") from None
-        if entry.name in (other.name for other in known):
-            raise ValueError(f"{path}: {what}: name is that of an entry before")
-        known.append(entry)
-    return tuple(known)
+        with decoding(f"{path}: {what}"):
+            entry = convert(given, kind)
+            if entry.name in known:
+                raise ValueError("name is that of an entry before")
+            if "file" in entry.metric:
+                place = str(path.parent / entry.metric["file"])
+                entry = replace(entry, metric={**entry.metric, "file": place})
+            known[entry.name] = entry
+    return tuple(known.values())
 
-
-def _entry(given: object, kind: type[Known], folder: Path) -> Known:
-    possible = [each.name for each in fields(kind)]
-    needed = [each.name for each in fields(kind) if each.default is MISSING]
-    if not isinstance(given, dict):
-        raise ValueError(f"must be an object with the fields {', '.join(needed)}")
-    for name in needed:
-        if name not in given:
-            raise ValueError(f"{name} is missing")
-    for name in given:
-        if name not in possible:
-            raise ValueError(f"{name} is not a field; there are {', '.join(possible)}")
-    entry = kind(**{name: _CONVERSIONS[name](name, value) for name, value in given.items()})
-    lists = {name: getattr(entry, name) for name in ("v0", "q1", "v1") if name in given}
-    lists |= {f"points[{index}]: q": q for index, (_, q) in enumerate(entry.points)}
-    for name, numbers in lists.items():
-        if len(numbers) != len(entry.q0):
-            raise ValueError(
-                f"{name} must have {len(entry.q0)} numbers as q0 has, got {len(numbers)}"
-            )
-    if isinstance(entry, KnownGeodesic):
-        for name in ("exp", "log") if entry.log else ("exp",):
-            if name not in entry.tolerances:
-                raise ValueError(f"tolerances: {name!r} is missing")
-    if "file" not in entry.metric:
-        return entry
-    file = _text("metric: file", entry.metric["file"])
-    return replace(entry, metric={**entry.metric, "file": str(folder / file)})
-
-
-def _text(name: str, value: object) -> str:
-    if not isinstance(value, str) or not value.strip():
-        raise ValueError(f"{name} must be a text, got {value!r}")
-    return value
-
-
-def _truth(name: str, value: object) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError(f"{name} must be true or false, got {value!r}")
-    return value
-
-
-def _number(name: str, value: object, convert: Callable[[str, Any], float] = as_number) -> float:
-    # JSON tells numbers from texts and from true, which float() would take as well.
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError(f"{name} must be a number, got {value!r}")
-    return convert(name, value)
-
-
-def _vector(name: str, values: object) -> tuple[float, ...]:
-    if not isinstance(values, list) or not values:
-        raise ValueError(f"{name} must be a list of numbers, got {values!r}")
-    return tuple(_number(f"{name}[{index}]", value) for index, value in enumerate(values))
-
-
-def _tolerances(name: str, given: object) -> dict[str, float]:
-    if not isinstance(given, dict) or not given.keys() <= {"exp", "log"}:
-        raise ValueError(f'{name} must be an object with "exp" and "log", got {given!r}')
-    return {each: _number(f"{name}: {each}", value, as_positive) for each, value in given.items()}
-
-
-def _points(name: str, given: object) -> tuple[tuple[float, tuple[float, ...]], ...]:
-    if not isinstance(given, list):
-        raise ValueError(f'{name} must be a list of objects with "s" and "q", got {given!r}')
-    points: list[tuple[float, tuple[float, ...]]] = []
-    for index, point in enumerate(given):
-        one = f"{name}[{index}]"
-        if not isinstance(point, dict) or point.keys() != {"s", "q"}:
-            raise ValueError(f'{one} must be an object with "s" and "q", got {point!r}')
-        s = _number(f"{one}: s", point["s"])
-        if not (points[-1][0] if points else 0.0) < s < 1.0:
-            raise ValueError(f"{one}: s must be between 0 and 1 and above those before, got {s}")
-        points.append((s, _vector(f"{one}: q", point["q"])))
-    return tuple(points)
-
-
-# Of the fields of `KnownGeodesic` and `KnownCubic`, from their names and values in JSON.
-_CONVERSIONS: dict[str, Callable[[str, Any], Any]] = {
-    "name": _text,
-    "metric": lambda _, value: check_description(value),
-    **dict.fromkeys(("q0", "v0", "q1", "v1"), _vector),
-    **dict.fromkeys(
-        ("length", "duration", "action", "tolerance"), partial(_number, convert=as_positive)
-    ),
-    "tension": partial(_number, convert=as_not_negative),
-    "log": _truth,
-    "tolerances": _tolerances,
-    "source": _text,
-    "points": _points,
-}
 
 # A failure of any of these is the verdict on an entry, not the end of the check; CasADi's own
 # failures are RuntimeErrors.
@@ -489,9 +425,9 @@ def check_geodesic(known: KnownGeodesic, backend: str | None = None) -> list[Che
     start, tolerance = (known.q0, known.v0), known.tolerances["exp"]
 
     def on_the_way(metric: Metric) -> Pair:
-        times, points = zip(*known.points, strict=True)
-        found, _ = sample_geodesic(metric, *start, [0.0, *times], tolerance=tolerance)
-        return found[1:], points
+        times = [0.0, *(each.s for each in known.points)]
+        found, _ = sample_geodesic(metric, *start, times, tolerance=tolerance)
+        return found[1:], [each.q for each in known.points]
 
     quantities: dict[str, tuple[Callable[[Metric], Pair], float]] = {
         "exp": (lambda metric: (exp(metric, *start, tolerance=tolerance), known.q1), tolerance),
@@ -516,9 +452,8 @@ def check_cubic(known: KnownCubic, backend: str | None = None) -> list[Check]:
         ends = known.q0, known.v0, known.q1, known.v1
         return cubic(metric, *ends, known.duration, tension=known.tension)
 
-    s, points = zip(*[*known.points, (1.0, known.q1)], strict=True)
-    times = known.duration * np.array(s)
-
+    times = known.duration * np.array([*(each.s for each in known.points), 1.0])
+    points = [*(each.q for each in known.points), known.q1]
     tolerance = known.tolerance
     quantities: dict[str, tuple[Callable[[Metric], Pair], float]] = {
         "cubic": (lambda metric: (motion(metric)(times), points), tolerance),

@@ -48,8 +48,11 @@ def test_malformed_table_ends_with_code_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for file, words in (
-        (table(tmp_path / "mine.json", length="long"), "length must be a number"),
-        (tmp_path / "none.json", "cannot be read"),
+        (
+            table(tmp_path / "mine.json", length="long"),
+            "Expected `float`, got `str` - at `$.length`",
+        ),
+        (tmp_path / "none.json", "there is no such file"),
     ):
         assert cli.main(["check", str(file)]) == 2
         printed = capsys.readouterr()

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.model.box_distances import box_distance
+from geodesic_ocp.model.primitives import box_distance
 
 SIZE = (0.4, 0.2, 0.6)
 TURN = Rotation.from_euler("xyz", [0.3, -0.5, 0.8]).as_matrix()

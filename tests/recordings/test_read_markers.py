@@ -10,8 +10,7 @@ from small_recordings import MARKER_TABLE, TABLE, TRC, c3d, small_c3d
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.read_markers import read_markers
-from geodesic_ocp.recordings.read_recording import read_motion
+from geodesic_ocp.recordings.read_recording import read_markers, read_motion
 
 NAN = [np.nan] * 3
 EXPECTED = np.array(

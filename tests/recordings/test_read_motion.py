@@ -103,12 +103,12 @@ def test_degrees_are_converted_to_radians(unit: str, tmp_path: Path) -> None:
         (
             "short.xml",
             LEGACY.replace("0.6 -1.1", "0.6"),
-            "JointPosition of MotionFrame 1 has 1 numbers, expected 2",
+            "JointPosition of MotionFrame 1 has 1 numbers, not 2",
         ),
         (
             "words.xml",
             VERSION_2.replace("0.6 -1.1", "0.6 x"),
-            "JointPosition of Measurement 1 does not consist of numbers: '0.6 x'",
+            "JointPosition of Measurement 1 is not numeric: '0.6 x'",
         ),
         (
             "notime.xml",

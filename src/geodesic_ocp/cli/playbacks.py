@@ -33,16 +33,14 @@ from geodesic_ocp.drawing.recording_scenes import (
 )
 from geodesic_ocp.drawing.scene import Cut, Playback
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side, Sides, trunk
-from geodesic_ocp.model.combine import combine
+from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.formats.load_model import default_hand, load_model
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body, stature
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, both_arms, human_arm, human_upper_body, stature
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.load_solution import load_solution
 from geodesic_ocp.ocp.solve import solve
-from geodesic_ocp.recordings.read_markers import read_markers
-from geodesic_ocp.recordings.read_recording import read_recording
+from geodesic_ocp.recordings.read_recording import read_markers, read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.arm_alignment import check_joints, read_alignment
@@ -291,9 +289,7 @@ def _together(right: Recording, left: Recording) -> tuple[Motion, Model]:
     """Return both arms of a person as one motion of one model, with the origin between the
     shoulders.
     """
-    height = stature(right.model) or DEFAULT_HEIGHT
-    across = trunk().half_width * height
-    model = combine(right.model, left.model, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
+    model = both_arms((right.model, left.model), stature(right.model) or DEFAULT_HEIGHT)
     motions = right.motion, left.motion
     q = np.hstack([each.q for each in motions])
     velocity = np.hstack([np.asarray(each.velocity) for each in motions])

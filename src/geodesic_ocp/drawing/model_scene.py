@@ -34,7 +34,6 @@ def joint_plots(
     labels: Mapping[str, str],
     *,
     marks: tuple[float, ...] = (),
-    title: str = "",
 ) -> tuple[Plot, ...]:
     """Return plots of one number for each joint over time.
 
@@ -45,7 +44,6 @@ def joint_plots(
         labels: labels of the axes, by the unit of the coordinate, "rad" or "m"; joints whose labels
             differ are in different plots.
         marks: values of horizontal lines, which are limits.
-        title: title of the plots, before the names of the groups if there are several.
     """
     names = [short_name(name) for name in model.joint_names]
     plots = []
@@ -53,8 +51,7 @@ def joint_plots(
         for label in dict.fromkeys(labels[model.units[column]] for column in columns):
             shown = [column for column in columns if labels[model.units[column]] == label]
             curves = tuple(Curve(names[column], time, values[:, column]) for column in shown)
-            said = ", ".join(filter(None, (title, group)))
-            plots.append(Plot(label, curves, said, marks, "limit" if marks else ""))
+            plots.append(Plot(label, curves, group, marks, "limit" if marks else ""))
     return tuple(plots)
 
 

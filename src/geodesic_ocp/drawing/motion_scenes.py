@@ -29,9 +29,8 @@ from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.replay import Replay
 from geodesic_ocp.manifold.metrics import KineticEnergy
-from geodesic_ocp.model.anthropometry import Side, trunk
-from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, both_arms, human_arm, human_upper_body
 from geodesic_ocp.model.joint_axes import upward
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -56,8 +55,7 @@ def body_of(motion: Motion) -> tuple[Model, str]:
     if names.issuperset(whole.joint_names):
         model = whole
     elif len(found) == 2:
-        across = trunk().half_width * height
-        model = combine(*found, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
+        model = both_arms(found, height)
     elif found:
         model = found[0]
     else:
@@ -205,7 +203,7 @@ def viewed_from(model: Model) -> float:
 _HELD = 0.98  # of a second, for which each of several configurations is shown
 
 
-def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "") -> Playback:
+def model_playback(model: Model, q: np.ndarray | None = None) -> Playback:
     """Return a model in one configuration, or in several, one a second, with the frames of its
     joints.
 
@@ -213,7 +211,6 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
         model: model that is shown.
         q: a configuration (n,) or several (k, n) [rad or m]; by default each joint at zero, or at
             the limit that is nearest to zero.
-        title: title of the playback; the model's name by default.
 
     Raises:
         ValueError: q has another shape, is not finite, or seems to be in degrees.
@@ -239,7 +236,7 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
         last = Span(str(len(rows)), float(starts[-1]), float(time[-1]))
         spans = {"configurations": (*each, last)}
         note = f"{len(rows)} configurations, one a second"
-    scene = model_scene(model, time, configurations, title=title, note=note, joints=True)
+    scene = model_scene(model, time, configurations, note=note, joints=True)
     scene = replace(scene, trails=())
     return Playback(scene.title, (scene,), spans, azimuth=viewed_from(model))
 

@@ -137,7 +137,7 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
             three coordinates.
     """
     title = title or f"{type(path).__name__}: length {path.length:.4g}"
-    shown = model_of(path, model)
+    shown = model_of(path.metric, model)
     s = _samples(path)
     q = path(s)
     spans, plots = _between_via_points(path), (*_coordinates(path, shown, s, q), _speed(path, s, q))
@@ -163,14 +163,13 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     )
 
 
-def model_of(path: Path, model: Model | None = None) -> Model | None:
-    """Return the given model, or that of the path's metric; None for a curve that can be seen
+def model_of(metric: Metric, model: Model | None = None) -> Model | None:
+    """Return the given model, or that of a path's metric; None for a curve that can be seen
     without.
 
     Raises:
         ValueError: see `path_playback`.
     """
-    metric = path.metric
     shown: Model | None = getattr(metric, "model", None) if model is None else model
     if shown is None and metric.dim > _IN_SPACE:
         raise ValueError(
@@ -207,9 +206,7 @@ def _between_via_points(path: Path) -> dict[str, tuple[Span, ...]]:
 
 def _coordinates(path: Path, model: Model | None, s: Array, q: Array) -> tuple[Plot, ...]:
     if model is None:
-        pairs = zip(path.metric.coordinate_names, q.T, strict=True)
-        curves = (Curve(name, s, column) for name, column in pairs)
-        return (Plot("coordinates q", tuple(curves)),)
+        return _coordinate_plots(path.metric, s, q)
     reached = dict(
         zip(map(short_name, model.joint_names), limits_reached(path, model), strict=True)
     )
@@ -223,6 +220,11 @@ def _coordinates(path: Path, model: Model | None, s: Array, q: Array) -> tuple[P
     )
 
 
+def _coordinate_plots(metric: Metric, time: Array, q: Array) -> tuple[Plot, ...]:
+    pairs = zip(metric.coordinate_names, q.T, strict=True)
+    return (Plot("coordinates q", tuple(Curve(name, time, column) for name, column in pairs)),)
+
+
 def _speed(path: Path, s: Array, q: Array) -> Plot:
     unit = " [√kg m]" if isinstance(path.metric, KineticEnergy) else ""
     # Zero is in the plot: rounding errors of a constant speed would fill it otherwise.
@@ -230,9 +232,7 @@ def _speed(path: Path, s: Array, q: Array) -> Plot:
     return Plot(f"speed |q'|{unit}", (speed,), marks=(0.0,))
 
 
-def solution_playback(
-    solution: Solution, model: Model | None = None, *, title: str = ""
-) -> Playback:
+def solution_playback(solution: Solution, model: Model | None = None) -> Playback:
     """Return the path of a solution, as `path_playback` shows it, among the obstacles of its
     problem.
 
@@ -243,7 +243,6 @@ def solution_playback(
     Args:
         solution: solution with its problem, whose `obstacles` are shown.
         model: model that moves; None: that of the problem's metric, if it has one.
-        title: title of the playback; by default the problem's class, energy and length.
 
     Raises:
         ValueError: see `path_playback`.
@@ -251,7 +250,7 @@ def solution_playback(
     problem, stats = solution.problem, solution.stats
     kind = type(problem).__name__
     found = f"energy {stats.energy:.4g}, length {solution.path.length:.4g}"
-    title = title or f"{kind}: {found if stats.success else 'not solved'}"
+    title = f"{kind}: {found if stats.success else 'not solved'}"
     playback = path_playback(solution.path, model, title=title)
     scene = playback.scenes[0]
     if not stats.success:
@@ -259,7 +258,7 @@ def solution_playback(
         scene = replace(scene, note="; ".join(filter(None, (scene.note, note))))
     solids = obstacle_solids(drawn_obstacles(problem), *scene.bounds())
     scene = replace(scene, solids=solids)
-    shown, plots = model_of(solution.path, model), playback.plots
+    shown, plots = model_of(solution.path.metric, model), playback.plots
     if shown is not None:
         scene, margins = _with_bodies(scene, problem, shown, solution)
         if scene.gaps:
@@ -302,29 +301,25 @@ def _considered(
     return {link for links in wanted for link in links if link is not None}
 
 
-def timed_playback(motion: TimedMotion, model: Model | None = None, *, title: str = "") -> Playback:
+def timed_playback(motion: TimedMotion, model: Model | None = None) -> Playback:
     """Return a motion q(t): its model, or the curve of its coordinates, among the obstacles.
 
     Args:
         motion: a Riemannian spline or the solution of a `MotionProblem`.
         model: model that moves; None: that of the motion's metric, if it has one.
-        title: title of the playback; by default what the motion is.
 
     Raises:
         ValueError: there is no model, and more than three coordinates.
     """
     metric, sampled = motion.metric, motion.to_motion()
-    shown: Model | None = getattr(metric, "model", None) if model is None else model
-    title = title or type(getattr(motion, "problem", motion)).__name__
+    shown = model_of(metric, model)
+    title = type(getattr(motion, "problem", motion)).__name__
     if shown is not None:
         playback = motion_playback(sampled, shown, title=title)
-    elif metric.dim <= _IN_SPACE:
-        scene = coordinate_scene(metric, sampled.time, sampled.q)
-        pairs = zip(metric.coordinate_names, sampled.q.T, strict=True)
-        curves = tuple(Curve(name, sampled.time, column) for name, column in pairs)
-        playback = Playback(title, (scene,), {}, (Plot("coordinates q", curves),))
     else:
-        raise ValueError(f"{type(metric).__name__} has no model: give the model that moves")
+        scene = coordinate_scene(metric, sampled.time, sampled.q)
+        plots = _coordinate_plots(metric, sampled.time, sampled.q)
+        playback = Playback(title, (scene,), {}, plots)
     scene = playback.scenes[0]
     obstacles = drawn_obstacles(motion.problem) if isinstance(motion, MotionSolution) else ()
     scene = replace(scene, solids=obstacle_solids(obstacles, *scene.bounds()))

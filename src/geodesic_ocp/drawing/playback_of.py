@@ -136,16 +136,6 @@ def _(result: Synergy, model: Model | None = None) -> Playback:
 
 
 @playback.register
-def _(result: Model, q: np.ndarray | None = None) -> Playback:
-    return model_playback(result, q)
-
-
-@playback.register
-def _(result: TimedMotion, model: Model | None = None) -> Playback:
-    return timed_playback(result, model)
-
-
-@playback.register
 def _(result: JointTrajectory, model: Model | None = None) -> Playback:
     if model is None:
         raise ValueError(
@@ -171,6 +161,8 @@ def _(result: Alignment, robot: Model | None = None) -> Playback:
 
 _ALONE: dict[type, Callable[..., Playback]] = {
     Path: path_playback,
+    TimedMotion: timed_playback,
+    Model: model_playback,
     Solution: solution_playback,
     Synergies: synergies_playback,
     PlannedTrajectory: planned_playback,

@@ -34,7 +34,7 @@ from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.synergies.analyse import Analysis
-from geodesic_ocp.synergies.synergy import SavedSynergies, Synergy
+from geodesic_ocp.synergies.synergy import SavedSynergies, Synergy, motion_in_spans
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 CUTS = "cuts"
@@ -268,7 +268,6 @@ def _heading(base: FrameMotion) -> float:
 
 
 _PREDICTED: Role = "predicted"
-_RATE = 100.0  # [Hz]
 
 
 def synergies_playback(synergies: Sequence[Synergy], model: Model | None = None) -> Playback:
@@ -281,20 +280,12 @@ def synergies_playback(synergies: Sequence[Synergy], model: Model | None = None)
     Raises:
         ValueError: none is given, and the metric has none; or it has other joints.
     """
-    whole = model_of(synergies[0].path, model)
+    whole = model_of(synergies[0].path.metric, model)
     if whole is None:
         raise ValueError("synergies are shown with their model: give it after them")
-    starts = [synergy.start_time for synergy in synergies]
     spans = tuple((each.start_time, each.start_time + each.duration) for each in synergies)
-    count = max(2, 1 + round((spans[-1][1] - starts[0]) * _RATE))
-    time = np.linspace(starts[0], spans[-1][1], count)
-    owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
-    q = np.empty((count, whole.dof))
-    for number, (synergy, span) in enumerate(zip(synergies, spans, strict=True)):
-        own = owner == number
-        q[own] = synergy(time[own].clip(*span))
-    saved = SavedSynergies(Motion(time, q, whole.joint_names), spans, whole.name)
-    return saved_synergies_playback(saved, whole)
+    motion = motion_in_spans(spans, [*synergies], whole.joint_names)
+    return saved_synergies_playback(SavedSynergies(motion, spans, whole.name), whole)
 
 
 def saved_synergies_playback(

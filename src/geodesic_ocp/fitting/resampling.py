@@ -213,13 +213,10 @@ class CrossValidation(ShortRepr):
             *kinds,
             *(f"constant metric: {kind}" for kind in kinds),
         )
-        rows: list[tuple[str | int | float, ...]] = []
-        for each in self.left_out:
-            own, lines = (
-                (errors.joint, errors.position, errors.orientation)
-                for errors in (each.errors, each.straight_lines)
-            )
-            rows.append((each.name, *each.values, *own, *lines))
+        rows = [
+            (each.name, *each.values, *each.errors.means, *each.straight_lines.means)
+            for each in self.left_out
+        ]
         return new_table(header, rows)
 
 

@@ -20,9 +20,17 @@ import numpy as np
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, is_symbolic
 from geodesic_ocp.blocks import Instance, Terms
 from geodesic_ocp.cells import Indices
-from geodesic_ocp.model.box_distances import box_distance
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Body, Box, Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.primitives import (
+    Ball,
+    Body,
+    Box,
+    Capsule,
+    HalfSpace,
+    Obstacle,
+    as_capsule,
+    box_distance,
+)
 
 __all__ = ["clearance_constraints", "signed_distances"]
 

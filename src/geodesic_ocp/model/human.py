@@ -23,6 +23,7 @@ from geodesic_ocp.model.anthropometry import (
     anthropometry,
     trunk,
 )
+from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
 
@@ -264,6 +265,12 @@ def human_upper_body(
         bodies += _add_arm(person, thoracic, shoulder, side, arm, height, mass, hands[-1])
     model = Model(person, hands[0], backend, shapes=tuple(bodies), hands=tuple(hands))
     return model.with_armature(armature)
+
+
+def both_arms(arms: Sequence[Model], height: float) -> Model:
+    """Return the right and the left arm of a person of this height [m], the base between them."""
+    across = trunk().half_width * height
+    return combine(*arms, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
 
 
 def stature(model: Model) -> float | None:

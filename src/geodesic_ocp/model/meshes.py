@@ -1,24 +1,28 @@
-"""Meshes of a model's links, and of the rest of a person whose arms alone are a model."""
+"""Meshes of a model's links, and of the rest of a person whose arms alone are a model; fewer
+triangles for them.
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
+import scipy
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.anthropometry import PersonArm, person_arms, person_trunks, shoulder_joint
 from geodesic_ocp.model.human import human_arm, human_upper_body, stature
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.link_geometry import LinkGeometry
-from geodesic_ocp.model.look import Mesh, body_mesh, kinematic_chain, visual_geometry
+from geodesic_ocp.model.look import Indices, Mesh, body_mesh, kinematic_chain, visual_geometry
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.person_look import mirrored, person
-from geodesic_ocp.model.simplification import simplified
 
 MAX_TRIANGLES = 60000  # per model, which keeps a page with four robots below a few MB
 _known: WeakKeyDictionary[Model, tuple[Mesh, ...]] = WeakKeyDictionary()
@@ -154,3 +158,195 @@ def _mirrored(mesh: Mesh, side: str) -> Mesh:
     """Return the mesh on the other side of the sagittal plane."""
     link = mesh.link.replace(side, _OPPOSITE[side]) if side in mesh.link else f"other {mesh.link}"
     return Mesh(link, *mirrored((mesh.vertices, mesh.triangles)), mesh.colour)
+
+
+_SAME_PLACE = 1e-6  # [size of the mesh]
+_FIXED = 0.85  # relative size of meshes that matter less, so that their errors count for less
+_SHARE = 0.3  # of the vertices, those that cost least, among which a round chooses
+_BORDER = 100.0  # weight of the squares on its edges, which keeps openings and seams round
+_EDGE = 1e-4  # [length of an edge] counts as a distance: flat parts keep compact triangles
+_TURN = 0.25  # least cosine between the normals of a triangle before and after a collapse
+
+
+def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
+    """Return the meshes with at most `count` triangles together, without those that are degenerate.
+
+    Coincident vertices become one. If there are too many triangles, vertices move onto neighbours
+    where the squared distance to the planes of their triangles and borders, times the area, grows
+    least (quadric error metrics: Garland and Heckbert, SIGGRAPH 1997), so that flat and small parts
+    get few. Meshes that do not matter, such as those of links that do not move, may change more.
+    More triangles than `count` remain only where every collapse would fold a surface.
+    """
+    welded = [_welded(mesh) for mesh in found]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in welded)])
+    centred = [
+        mesh.vertices - mesh.vertices.sum(axis=0) / max(len(mesh.vertices), 1) for mesh in welded
+    ]
+    triangles = np.concatenate(
+        [np.zeros((0, 3), np.int64)]
+        + [mesh.triangles + start for mesh, start in zip(welded, starts[:-1], strict=True)]
+    )
+    if len(triangles) > count:
+        scales = np.repeat(np.where(matters, 1.0, _FIXED), np.diff(starts))
+        triangles = _collapsed(np.concatenate(centred) * scales[:, None], triangles, count)
+    owners = np.searchsorted(starts, triangles[:, 0], side="right") - 1
+    result = []
+    for number, mesh in enumerate(welded):
+        used, corners = np.unique(triangles[owners == number], return_inverse=True)
+        vertices = mesh.vertices[used - starts[number]]
+        result.append(replace(mesh, vertices=vertices, triangles=corners.reshape(-1, 3)))
+    return [mesh for mesh in result if len(mesh.triangles)]
+
+
+def _welded(mesh: Mesh) -> Mesh:
+    """Return the mesh with one vertex at each place, without triangles that are lines or twice."""
+    low = mesh.vertices.min(axis=0, initial=np.inf)
+    size = np.ptp(mesh.vertices, axis=0).max(initial=0.0) if len(mesh.vertices) else 0.0
+    x, y, z = np.rint((mesh.vertices - low) / (_SAME_PLACE * size or 1.0)).astype(np.int64).T
+    count = round(1.0 / _SAME_PLACE) + 1  # places along an axis
+    _, first, owner = np.unique((x * count + y) * count + z, return_index=True, return_inverse=True)
+    triangles = _proper(owner.reshape(-1)[mesh.triangles].reshape(-1, 3))
+    a, b, c = np.sort(triangles, axis=1).T  # however they are turned
+    _, once = np.unique((a * len(first) + b) * len(first) + c, return_index=True)
+    return replace(mesh, vertices=mesh.vertices[first], triangles=triangles[np.sort(once)])
+
+
+def _proper(triangles: Indices) -> Indices:
+    a, b, c = triangles.T
+    proper: Indices = triangles[(a != b) & (b != c) & (c != a)]
+    return proper
+
+
+def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
+    """Return at most `count` triangles between points (k, 3), at first those of a welded surface.
+
+    Each round moves vertices of which no two are neighbours, so that the result depends on no
+    order, and triangles change by one of their vertices at a time.
+    """
+    number = len(points)
+    quadrics = _quadrics(points, triangles)
+    products = _products(points)
+    barred = np.zeros(0, np.int64)  # collapses that would fold the surface
+    tried = np.zeros(number, dtype=bool)  # their vertices
+    while len(triangles) > count:
+        low, high, uses = _edges(triangles, number)
+        ends = np.concatenate([low[uses != 2], high[uses != 2]])
+        at_border = np.bincount(ends, minlength=number)
+        start, stop = np.concatenate([low, high]), np.concatenate([high, low])
+        around = np.tile(uses, 2)
+        # Vertices of borders, and of edges of three triangles or more, move along these; where
+        # such lines meet or end, they stay.
+        free = (at_border[start] == 0) | ((at_border[start] == 2) & (around != 2))
+        once = np.flatnonzero(tried[start])
+        free[once[np.isin(start[once] * number + stop[once], barred)]] = False
+        start, stop, around = start[free], stop[free], around[free]
+        along = points.take(stop, axis=0) - points.take(start, axis=0)
+        error = _dot(quadrics.take(start, axis=0), products.take(stop, axis=0))
+        cost = np.maximum(error, 0.0) + _EDGE**2 * _dot(along, along) ** 2
+
+        least = np.full(number, np.inf)
+        np.minimum.at(least, start, cost)
+        possible = least[np.isfinite(least)]
+        if not len(possible):
+            break
+        limit = np.quantile(possible, _SHARE)
+        best = np.flatnonzero((cost <= limit) & (cost == least[start]))
+        best = best[np.unique(start[best], return_index=True)[1]]
+        mover, goal = start[best], stop[best]
+        onto = np.full(number, -1)
+        onto[mover] = goal
+        folds = _turned(points, triangles, onto)[mover]
+        # Neighbours that both ends share are across triangles of the edge, and nowhere else.
+        ones = np.ones(2 * len(low), np.int8)
+        both = np.concatenate([low, high]), np.concatenate([high, low])
+        graph = scipy.sparse.csr_array((ones, both), shape=(number, number))
+        folds |= graph[mover].multiply(graph[goal]).sum(axis=1) > around[best]
+        barred = np.concatenate([barred, mover[folds] * number + goal[folds]])
+        tried[mover[folds]] = True
+
+        mover, goal, price = mover[~folds], goal[~folds], cost[best[~folds]]
+        order = np.lexsort((np.random.default_rng(0).permutation(len(mover)), price))
+        mover, goal = mover[order], goal[order]  # at random among equals, such as in a plane
+        rank = np.full(number, number)
+        rank[mover] = np.arange(len(mover))
+        first = np.full(number, number)
+        np.minimum.at(first, low, rank[high])
+        np.minimum.at(first, high, rank[low])
+        chosen = np.flatnonzero(rank[mover] < first[mover])
+        chosen = chosen[: max((len(triangles) - count) // 2, 1)]
+        mover, goal = mover[chosen], goal[chosen]
+        np.add.at(quadrics, goal, quadrics[mover])
+        onto = np.arange(number)
+        onto[mover] = goal
+        triangles = _proper(onto[triangles])
+    return triangles
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product: Array = np.einsum("ij,ij->i", a, b)
+    return product
+
+
+def _edges(triangles: Indices, number: int) -> tuple[Indices, Indices, Indices]:
+    """Return the lower and the higher end of each edge, and of how many triangles it is."""
+    one, other = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    keys = np.minimum(one, other) * number + np.maximum(one, other)
+    keys, uses = np.unique(keys, return_counts=True)
+    low, high = np.divmod(keys, number)
+    return low, high, uses
+
+
+def _turned(points: Array, triangles: Indices, onto: Indices) -> NDArray[np.bool_]:
+    """Return whether a triangle that remains would turn if a vertex moved, (k,)."""
+    tip, left, right = (np.roll(triangles, shift, axis=1).reshape(-1) for shift in (0, -1, -2))
+    goal = onto[tip]
+    remains = (goal >= 0) & (goal != left) & (goal != right)
+    tip, left, right, goal = tip[remains], left[remains], right[remains], goal[remains]
+    corner = points.take(left, axis=0)
+    side = points.take(right, axis=0) - corner
+    before = np.cross(side, points.take(tip, axis=0) - corner)
+    after = np.cross(side, points.take(goal, axis=0) - corner)
+    sizes = _dot(before, before) * _dot(after, after)
+    turned = (_dot(before, after) <= _TURN * np.sqrt(sizes)) & (_dot(before, before) > 0.0)
+    found = np.zeros(len(points), dtype=bool)
+    found[tip[turned]] = True
+    return found
+
+
+def _products(points: Array) -> Array:
+    """Return x in (x, 1) Q (x, 1)' = q . x for the ten entries q of a symmetric Q, (k, 10)."""
+    x, y, z = points.T
+    one = np.ones(len(points))
+    squares = [x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z]
+    return np.column_stack([*squares, 2 * x, 2 * y, 2 * z, one])
+
+
+def _quadrics(points: Array, triangles: Indices) -> Array:
+    """Return sums of squared distances from planes at points, weighted by areas, (k, 10).
+
+    The planes are those of the triangles, and through their borders at right angles to them.
+    """
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    across = np.cross(b - a, c - a)
+    areas = np.linalg.norm(across, axis=1) / 2.0
+    one, other = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    low, high, uses = _edges(triangles, len(points))
+    border = np.isin(
+        np.minimum(one, other) * len(points) + np.maximum(one, other),
+        (low * len(points) + high)[uses != 2],
+    )
+    one, other, owner = one[border], other[border], np.flatnonzero(border) // 3
+    along = points[other] - points[one]
+    quadrics = np.zeros((len(points), 10))
+    for normals, where, weight, corners in (
+        (across, a, areas, triangles.T),
+        (np.cross(along, across[owner]), points[one], _BORDER * _dot(along, along), (one, other)),
+    ):
+        length = np.linalg.norm(normals, axis=1)
+        x, y, z = (normals / np.where(length > 0.0, length, 1.0)[:, None]).T
+        d = -_dot(np.column_stack([x, y, z]), where)
+        entries = [x * x, y * y, z * z, x * y, x * z, y * z, x * d, y * d, z * d, d * d]
+        planes = np.column_stack(entries) * weight[:, None]
+        for corner in corners:
+            np.add.at(quadrics, corner, planes)
+    return quadrics

@@ -1,4 +1,4 @@
-"""read_motion and read_recording: files of joint angles and of markers."""
+"""read_motion, read_markers and read_recording: files of joint angles and of markers."""
 
 from __future__ import annotations
 
@@ -12,24 +12,29 @@ from typing import Any, get_args
 
 from geodesic_ocp.arrays import as_integer, as_positive
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side, Sides, trunk
-from geodesic_ocp.model.combine import combine
+from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.human import (
     DEFAULT_HEIGHT,
     DEFAULT_MASS,
     as_stature,
+    both_arms,
     human_arm,
     human_upper_body,
 )
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
+from geodesic_ocp.recordings.conventions.segment_orientations import joint_angles
 from geodesic_ocp.recordings.formats.angle_tables import Gaps
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
-from geodesic_ocp.recordings.markers.markers import Axis, Markers, as_axis
-from geodesic_ocp.recordings.read_markers import read_markers
+from geodesic_ocp.recordings.markers.markers import (
+    Axis,
+    Markers,
+    as_axis,
+    check_plausible_size,
+    with_z_up,
+)
 from geodesic_ocp.recordings.recording import (
     Recording,
     ask_about_limits,
@@ -39,6 +44,52 @@ from geodesic_ocp.recordings.recording import (
     warn_of_gimbal_lock,
 )
 from geodesic_ocp.trajectory.motion import Motion, Subject
+
+
+def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:
+    """Read the positions of markers from a file: c3d, TRC, CSV of Vicon Nexus, TSV of Qualisys,
+    Motion-BIDS, or a table with NAME_x, NAME_y, NAME_z.
+
+    The content of the file tells its format. Positions are converted to metres, in the axes of
+    the file unless `up` is given; a marker that was not seen is NaN.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import geodesic_ocp as go
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "markers.csv"
+    ...     _ = file.write_text('''# unit: m
+    ... time,RSHO_x,RSHO_y,RSHO_z
+    ... 0,0.2,0,1.4
+    ... 0.1,0.2,0,1.5''')
+    ...     markers = go.recordings.read_markers(file)
+    >>> markers.names, markers.positions.shape
+    (('RSHO',), (2, 1, 3))
+
+    Args:
+        path: path of the file.
+        up: the axis of the file that points upwards, such as "y" or "-z"; the space is turned so
+            that it becomes z, which `fit_markers` needs. Formats leave it open: TRC files for
+            OpenSim mostly have y up, c3d files z.
+
+    Raises:
+        RecordingError: the file is missing, of an unknown format, or malformed, or its positions
+            are not those of a person in the unit that it states; the message names the file, the
+            line or frame, and what was expected there.
+        ValueError: `up` is not an axis.
+    """
+    file = Path(path)
+    if up is not None:
+        as_axis(up)
+    with named_failures(file):
+        kind = recognise(file)
+        if FORMATS[kind].content != "markers":
+            raise RecordingError(
+                f"{file}: {FORMATS[kind].label} has no markers; read it with go.read_motion"
+            )
+        markers: Markers = FORMATS[kind].read(file)
+        check_plausible_size(markers)
+    return markers if up is None else with_z_up(markers, up)
 
 
 def read_motion(
@@ -319,8 +370,7 @@ def _arm(side: Sides, height: float, mass: float, armature: float, has_trunk: bo
     if has_trunk:
         return human_upper_body(height, mass, armature=armature)
     arms = [human_arm(each, height, mass, armature=armature) for each in get_args(Side)]
-    across = trunk().half_width * height
-    return combine(*arms, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
+    return both_arms(arms, height)
 
 
 def stature_of(

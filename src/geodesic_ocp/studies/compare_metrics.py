@@ -144,8 +144,8 @@ class MetricComparison:
             M sum_j (log s_j^2 + R_j / s_j^2) + k (n + 2) log(M n),  s_j^2 = max(R_j, sigma_j^2).
 
         A segment has n + 2 parameters: the configuration, the time and the speed at its end. After
-        a low-pass filter with cut-off frequency f, M is 2 f times the duration (Schwarz, The Annals
-        of Statistics 6, 1978).
+        a low-pass filter with cut-off frequency f, M is 2 f times the duration (Schwarz,
+        "Estimating the dimension of a model", The Annals of Statistics 6, 1978).
 
         Raises:
             ValueError: there is no such metric.
@@ -163,9 +163,9 @@ class MetricComparison:
         Raises:
             ValueError: a number of segments that was not compared.
         """
-        known = {int(count) for curve in self.curves.values() for count in curve.index}
-        if missing := sorted(set(counts or ()) - known):
-            raise ValueError(f"counts {missing} are not among those compared, {sorted(known)}")
+        known = self._counts
+        if missing := sorted(set(counts or ()).difference(known)):
+            raise ValueError(f"counts {missing} are not among those compared, {known}")
         rows = []
         for name, curve in self.curves.items():
             best = self.best_count(name)
@@ -258,13 +258,18 @@ class MetricComparison:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, self._write)
 
-    def _write(self, folder: FilePath) -> None:
-        known = {int(count) for curve in self.curves.values() for count in curve.index}
-        self.table(sorted(known)).to_csv(folder / "table.csv")
-        (folder / "table.md").write_text(markdown(self.table()), encoding="utf-8")
-        save_figure(self.plot(), folder)
+        def write(place: FilePath) -> None:
+            self.table(self._counts).to_csv(place / "table.csv")
+            (place / "table.md").write_text(markdown(self.table()), encoding="utf-8")
+            save_figure(self.plot(), place)
+
+        return write_together(folder, write)
+
+    @property
+    def _counts(self) -> list[int]:
+        """All numbers of segments that any metric has."""
+        return sorted({int(count) for curve in self.curves.values() for count in curve.index})
 
 
 _LEAST_NOISE = 1e-6  # [rad or m]: the rounding of recordings
@@ -274,14 +279,9 @@ _NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal var
 def bayesian_information(
     residuals: Array, segments: int, noise: Array, independent_samples: float
 ) -> float:
-    """Return BIC of a motion that is reconstructed from segments; the smallest of several is best.
+    """Return BIC of a motion from segments, see `MetricComparison.best_count`.
 
-    M sum_j (log s_j^2 + mean(r_j^2) / s_j^2) + k (n + 2) log(M n)
-
-    for Gaussian residuals r_j of joint j with variance s_j^2 = max(mean(r_j^2), sigma_j^2), where
-    nothing below the noise sigma_j counts as explained. The k segments have n + 2 parameters each:
-    the configuration, the time and the speed at their ends (Schwarz, "Estimating the dimension of a
-    model", The Annals of Statistics 6, 1978).
+    Residuals are taken as Gaussian, and nothing below the noise counts as explained.
 
     Args:
         residuals: predicted minus observed coordinates (samples, n).
@@ -403,16 +403,12 @@ def compare_metrics(
             model=model,
             spacing=spacing,
             max_duration=max_duration,
-            progress=progress and _labelled(progress, name),
+            progress=progress and (lambda label, *of, name=name: progress(f"{name}: {label}", *of)),
         )
         chosen = found.counts.tolist() if counts is None else sorted({int(k) for k in counts})
         curves[name] = _curve(model, found, chosen, refined, floor, frequency)
         by_rule[name] = _by_rule(model, metric, motion, rules, name)
     return MetricComparison(model, motion, measure, curves, by_rule)
-
-
-def _labelled(progress: Progress, name: str) -> Progress:
-    return lambda label, done, total: progress(f"{name}: {label}", done, total)
 
 
 def _curve(
@@ -433,7 +429,7 @@ def _curve(
         errors = motion_errors(model, motion, predicted)
         criterion = bayesian_information(predicted.q - motion.q, count, noise, independent)
         cuts = tuple(found.segments(count, refined=refined))
-        rows.append((count, errors.joint, errors.position, errors.orientation, criterion, cuts))
+        rows.append((count, *errors.means, criterion, cuts))
     columns = ["segments", *_MEASURES, "criterion", "cuts"]
     return DataFrame(rows, columns=columns).set_index("segments")
 
@@ -457,6 +453,5 @@ def _by_rule(
             )
             continue
         errors = motion_errors(model, motion, predicted)
-        found = (errors.joint, errors.position, errors.orientation)
-        points.append((rule, len(segments), *found))
+        points.append((rule, len(segments), *errors.means))
     return DataFrame(points, columns=["cuts", "segments", *_MEASURES]).set_index("cuts")

@@ -207,7 +207,7 @@ def _part(motion: Motion, synergy: Synergy) -> Motion:
 
 
 def _errors(errors: MotionErrors | None, suffix: str = "") -> Row:
-    found = (None,) * 3 if errors is None else (errors.joint, errors.position, errors.orientation)
+    found = (None,) * 3 if errors is None else errors.means
     names = (name.replace("_error_", f"_error{suffix}_") for name in _ERRORS)
     return {
         name: None if value is None else _finite(value)

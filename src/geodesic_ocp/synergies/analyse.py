@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from inspect import signature
 from itertools import chain
 from pathlib import Path as FilePath
@@ -382,30 +382,23 @@ class Analysis:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, partial(self._write, curve, effort, uncertainty, degrees))
 
-    def _write(
-        self,
-        curve: Callable[[Axes], object] | None,
-        effort: bool,
-        uncertainty: Uncertainty | None,
-        degrees: bool,
-        folder: FilePath,
-    ) -> None:
-        tables = {"table": self.table(), "second_order": self.second_order(effort=effort)}
-        if self.errors_unfiltered:
-            tables["table_unfiltered"] = self.table(unfiltered=True)
-        if uncertainty is not None:
-            tables["cuts"] = uncertainty.table()
-        figure = self.plot(curve, uncertainty)
-        if degrees:
-            tables = {name: in_degrees(table) for name, table in tables.items()}
-            figure = in_degrees(figure)
-        save_tables(folder, tables)
-        save_figure(figure, folder)
-        save_synergies(
-            folder / "synergies.json", self.synergies, self.motion.joint_names, self.model
-        )
+        def write(place: FilePath) -> None:
+            tables = {"table": self.table(), "second_order": self.second_order(effort=effort)}
+            if self.errors_unfiltered:
+                tables["table_unfiltered"] = self.table(unfiltered=True)
+            if uncertainty is not None:
+                tables["cuts"] = uncertainty.table()
+            figure = self.plot(curve, uncertainty)
+            if degrees:
+                tables = {name: in_degrees(table) for name, table in tables.items()}
+                figure = in_degrees(figure)
+            save_tables(place, tables)
+            save_figure(figure, place)
+            file, names = place / "synergies.json", self.motion.joint_names
+            save_synergies(file, self.synergies, names, self.model)
+
+        return write_together(folder, write)
 
 
 @shows_progress

@@ -76,20 +76,18 @@ def _track_poses(
     gain: float = 20.0,
     damping: float = 0.02,
 ) -> Motion:
-    """Track poses of all hands together with a damped velocity controller.
+    """Track poses of all hands together, as `track_hand`.
 
     q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error). Damped least squares:
     Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller ignores joint
     limits.
 
     Args:
-        model: model whose hands track.
+        model, gain, damping: those of `track_hand`.
         observed: motion whose first configuration is the start, and whose sample times are the
             result's; recordings at low sampling rates need many steps between two of them.
         poses: poses of every hand, rotations (m, 3, 3) and positions (m, 3) [m] at m times; called
             once.
-        gain: gain of the pose error [1/s].
-        damping: damping of the Jacobian's small singular values [m or rad per joint unit].
     """
     gain, damping = as_positive("gain", gain, "1/s"), as_positive("damping", damping)
     time, start = observed.time, observed.q[0]
@@ -252,9 +250,7 @@ def minimum_jerk_hand(
 
     Args:
         model: the arm; its joints are selected from the motion by name.
-        motion: observed, with velocities, of at least three samples.
-        segments: (start, stop) sample indices, each starting where the one before stopped, from
-            the first sample to the last.
+        motion, segments: as in `minimum_jerk`.
 
     Returns:
         The predicted motion at the recording's own times, with velocities.

@@ -21,6 +21,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
+from geodesic_ocp.synergies.segment import nearest_samples
 from geodesic_ocp.synergies.segment_costs import (
     BestPartitions,
     Curve,
@@ -73,14 +74,7 @@ def segment_optimal(
             penalty * k, in the unit of the measure, before the refinement.
         error: the smallest number of segments is taken whose mean error is at most this before the
             refinement, in the unit of the measure.
-        measure: measure of the error: "joint" [rad], "position" or "orientation" of the hand [m,
-            rad].
-        model: model whose hand is measured; None is the metric's, where it has one.
-        curve: "geodesic", or "cubic": Riemannian cubics (`go.cubic`), which also receive the
-            velocities at the cuts; errors of both at equal numbers of segments are not comparable.
-        spacing: spacing of the candidates [s].
-        max_duration: max duration of a segment [s].
-        progress: called with what is done, the number of segments planned, and the total.
+        measure, model, curve, spacing, max_duration, progress: see `optimal_segmentations`.
 
     Returns:
         (start, stop) sample indices of every segment, as from `segment`.
@@ -164,7 +158,7 @@ def optimal_segmentations(
     spacing = as_positive("spacing", spacing, "s")
     max_duration = as_positive("max_duration", max_duration, "s")
     costs = SegmentCosts(metric, motion, measure, model, curve)
-    candidates = cut_candidates(motion.time, spacing)
+    candidates = np.array(cut_candidates(motion, spacing))
     gap = float(np.diff(motion.time[candidates]).max())
     if max_duration * (1.0 + _SLACK) < gap:
         raise ValueError(
@@ -263,14 +257,7 @@ class OptimalSegmentations(ShortRepr):
         if penalty is not None:
             weighted = as_not_negative("penalty", penalty) * self.counts
             return int(self.counts[np.argmin(self.errors + weighted)])
-        enough = self.errors <= as_number("error", error)
-        if not enough.any():
-            best = int(np.argmin(self.errors))
-            raise ValueError(
-                f"error must be at least {self.errors[best]:.4g}, which {self.counts[best]} "
-                f"segments reach, got {error}"
-            )
-        return int(self.counts[np.argmax(enough)])
+        return fewest_within(self.counts, self.errors, error)
 
     def _cuts(self, count: int, refined: bool) -> tuple[list[int], float]:
         """Sample indices of the cuts, with both ends, and their total cost."""
@@ -301,11 +288,26 @@ class OptimalSegmentations(ShortRepr):
         return [costs.get(pair, np.inf) for pair in pairs]
 
 
-def cut_candidates(time: Array, spacing: float) -> NDArray[np.int64]:
+def fewest_within(counts: np.ndarray, errors: Array, error: float | None) -> int:
+    """Return the smallest of the numbers of segments (k,) whose mean error (k,) is at most this.
+
+    Raises:
+        ValueError: none is.
+    """
+    enough = errors <= as_number("error", error)
+    if not enough.any():
+        best = int(np.argmin(errors))
+        raise ValueError(
+            f"error must be at least {errors[best]:.4g}, which {counts[best]} segments reach, got "
+            f"{error}"
+        )
+    return int(counts[np.argmax(enough)])
+
+
+def cut_candidates(motion: Motion, spacing: float) -> list[int]:
     """Return indices of the samples nearest to evenly spaced times, both ends included."""
-    count = max(1, round(float(time[-1] - time[0]) / spacing))
-    wanted = np.linspace(time[0], time[-1], count + 1)
-    return np.unique(np.searchsorted((time[1:] + time[:-1]) / 2.0, wanted))
+    count = max(1, round(motion.duration / spacing))
+    return nearest_samples(motion, np.linspace(motion.time[0], motion.time[-1], count + 1))
 
 
 def _warn(failures: int, which: str, stacklevel: int) -> None:

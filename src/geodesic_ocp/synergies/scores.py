@@ -74,6 +74,11 @@ class MotionErrors(ShortRepr):
     orientation: float
     hands: tuple[HandErrors, ...] = ()
 
+    @property
+    def means(self) -> tuple[float, float, float]:
+        """The errors of joints, positions and orientations."""
+        return self.joint, self.position, self.orientation
+
 
 def motion_errors(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     """Return mean errors of a predicted motion against the observed one, sample by sample.

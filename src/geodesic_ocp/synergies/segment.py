@@ -498,7 +498,7 @@ def _parts(time: Array) -> int:
     return max(1, int(np.ceil(np.diff(time).max() / _LONGEST - 0.01)))
 
 
-def nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
+def nearest_samples(motion: Motion, times: Sequence[float] | Array) -> list[int]:
     """Return the samples nearest to these times, in order and without repetition."""
     middles = 0.5 * (motion.time[:-1] + motion.time[1:])
     samples: list[int] = np.unique(np.searchsorted(middles, times)).tolist()

@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.cubics import spline
 from geodesic_ocp.logarithm.riemannian_spline import RiemannianSpline
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.progress import Progress, shows_progress
-from geodesic_ocp.synergies.optimal_segmentations import cut_candidates
+from geodesic_ocp.synergies.optimal_segmentations import cut_candidates, fewest_within
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -55,10 +55,7 @@ class SplineKnots(ShortRepr):
         Raises:
             ValueError: no number of segments reaches it.
         """
-        enough = self.errors <= as_number("error", error)
-        if not enough.any():
-            raise ValueError(f"error must be at least {self.errors.min():.4g}, got {error}")
-        return int(self.counts[np.argmax(enough)])
+        return fewest_within(self.counts, self.errors, error)
 
 
 @shows_progress
@@ -96,7 +93,7 @@ def spline_knots(
         NotConverged: no spline through the first knots was found.
     """
     metric, velocity = as_metric(metric), observed_velocity(motion)
-    knots = cut_candidates(motion.time, as_positive("spacing", spacing, "s")).tolist()
+    knots = cut_candidates(motion, as_positive("spacing", spacing, "s"))
     total = len(knots) - 2
     found: dict[int, list[int]] = {}
     errors: dict[int, float] = {}

@@ -391,18 +391,31 @@ def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
     with decoding(file):
         if not synergies:
             raise ValueError("synergies must not be empty")
-        starts = [each.start_time for each in synergies]
         spans = tuple((each.start_time, each.start_time + each.law.duration) for each in synergies)
         duration = spans[-1][1] - spans[0][0]
-        if not (np.all(np.diff(starts) >= 0.0) and 0.0 < duration <= _LONGEST):
+        if not (np.all(np.diff(spans, axis=0)[:, 0] >= 0.0) and 0.0 < duration <= _LONGEST):
             raise ValueError("synergies: each start_time must follow the one before, within a day")
-        time = np.linspace(spans[0][0], spans[-1][1], max(2, 1 + round(duration * _RATE)))
-        owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
-        q = np.empty((len(time), len(names)))
-        for number, (each, start) in enumerate(zip(synergies, starts, strict=True)):
+
+        def followed(each: _SynergyRecord) -> Callable[[Array], Array]:
             path, law = each.path.path(Euclidean(len(names))), each.law
-            covered = law(np.clip(time[owner == number] - start, 0.0, law.duration))
             length = law.length if law.length > 0.0 else np.inf  # where nothing moves
-            q[owner == number] = path(np.clip(covered / length, 0.0, 1.0))
-        motion = Motion(time, q, names)
+            return lambda t: path(np.clip(law(t - each.start_time) / length, 0.0, 1.0))
+
+        motion = motion_in_spans(spans, [followed(each) for each in synergies], names)
     return SavedSynergies(motion, spans, record.model.name, record.model.height)
+
+
+def motion_in_spans(
+    spans: Sequence[tuple[float, float]],
+    parts: Sequence[Callable[[Array], Array]],
+    names: Sequence[str],
+) -> Motion:
+    """Return the motion at 100 Hz of parts, each in its span of time [s]; it rests between them."""
+    starts = [start for start, _ in spans]
+    count = max(2, 1 + round((spans[-1][1] - starts[0]) * _RATE))
+    time = np.linspace(starts[0], spans[-1][1], count)
+    owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
+    q = np.empty((count, len(names)))
+    for number, (part, span) in enumerate(zip(parts, spans, strict=True)):
+        q[owner == number] = part(time[owner == number].clip(*span))
+    return Motion(time, q, tuple(names))

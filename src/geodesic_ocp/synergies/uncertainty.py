@@ -188,8 +188,7 @@ def _errors(model: Model, metric: Metric, motion: Motion, segments: Sequence[Pai
         predicted = Motion(motion.time, costs.predicted(segments), motion.joint_names)
     except NotConverged:
         return np.full(len(_MEASURES), np.nan)
-    found = motion_errors(model, motion, predicted)
-    return np.array([getattr(found, measure) for measure in _MEASURES])
+    return np.array(motion_errors(model, motion, predicted).means)
 
 
 def matched(cuts: Array, others: Array) -> Array:

@@ -20,16 +20,16 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
     SegmentRelation,
+    segments_of_angles,
 )
-from geodesic_ocp.recordings.conventions.angle_segments import segments_of_angles
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.known_angle_conventions import (
     ANGLE_CONVENTIONS,
     ISB,
     OPENSIM_FULL_BODY,
     OPENSIM_UPPER_LIMB,
+    as_convention,
 )
-from geodesic_ocp.recordings.conventions.read_convention import as_convention
+from geodesic_ocp.recordings.conventions.segment_orientations import joint_angles
 
 TIME = np.array([0.0, 1.0])
 RIGHT, FORWARD, UP = np.eye(3)

@@ -16,8 +16,10 @@ from geodesic_ocp.recordings.conventions.continuous_angles import (
     continuous_angles,
     successive_rotations,
 )
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SegmentOrientations,
+    joint_angles,
+)
 from geodesic_ocp.trajectory.motion import FrameMotion
 
 ARMS = {side: go.human_arm(side) for side in ("right", "left")}
@@ -192,7 +194,7 @@ def test_the_first_sample_is_within_the_limits() -> None:
         ({"rotations": {"tail": np.eye(3)[None].repeat(2, 0)}}, "no segment 'tail'"),
         ({"rotations": {"thorax": np.eye(3)}}, r"must have shape \(2, 3, 3\)"),
         ({"rotations": {"thorax": -np.eye(3)[None].repeat(2, 0)}}, "at sample 0 is not a rotation"),
-        ({"rotations": {"thorax": np.full((2, 3, 3), np.nan)}}, "is not a rotation"),
+        ({"rotations": {"thorax": np.full((2, 3, 3), np.nan)}}, "thorax: the pose is not finite"),
         ({"trunk": FrameMotion(np.eye(3)[None], np.zeros((1, 3)))}, "trunk must have 2 samples"),
     ],
 )

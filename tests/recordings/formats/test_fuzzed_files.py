@@ -17,8 +17,7 @@ from small_recordings import small_recordings
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.read_markers import read_markers
-from geodesic_ocp.recordings.read_recording import read_motion
+from geodesic_ocp.recordings.read_recording import read_markers, read_motion
 
 SEEDS = small_recordings()
 NUMBERS = (b"nan", b"inf", b"-inf", b"1e308", b"-1e308", b"1e-320", b"0", b"-1", b"65536", b"")

@@ -11,7 +11,7 @@ from small_recordings import BIDS, QUALISYS, VICON
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.formats.recognise import recognise
-from geodesic_ocp.recordings.read_markers import read_markers
+from geodesic_ocp.recordings.read_recording import read_markers
 from geodesic_ocp.recordings.read_recordings import recording_files
 
 NAN = [np.nan] * 3

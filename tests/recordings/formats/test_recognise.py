@@ -11,8 +11,7 @@ from small_recordings import small_recordings
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.formats.recognise import recognise
-from geodesic_ocp.recordings.read_markers import read_markers
-from geodesic_ocp.recordings.read_recording import read_motion
+from geodesic_ocp.recordings.read_recording import read_markers, read_motion
 
 FORMATS = {
     "legacy.xml": "mmm",

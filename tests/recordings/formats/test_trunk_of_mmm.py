@@ -68,9 +68,9 @@ def test_without_root_height_or_joints_there_is_none(text: str, tmp_path: Path) 
     [
         ("", "frame 1 has no RootPosition, others have"),
         (POSES.split("<RootR")[0], "frame 1 has no RootRotation"),
-        (POSES.replace("1 2 3", "1 2"), "RootPosition of frame 1 has 2 numbers, expected 3"),
-        (POSES.replace("1 2 3", "1 x 3"), "RootPosition of frame 1 does not consist of numbers"),
-        (POSES.replace("1 2 3", "1 nan 3"), "the pose of the root is not finite at sample 1"),
+        (POSES.replace("1 2 3", "1 2"), "RootPosition of frame 1 has 2 numbers, not 3"),
+        (POSES.replace("1 2 3", "1 x 3"), "RootPosition of frame 1 is not numeric"),
+        (POSES.replace("1 2 3", "1 nan 3"), "RootPosition of frame 1 has the value nan"),
     ],
 )
 def test_a_bad_root_is_named(pose: str, message: str, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
-from geodesic_ocp.recordings.read_markers import read_markers
+from geodesic_ocp.recordings.read_recording import read_markers
 from geodesic_ocp.tables import text
 
 KIT = Path(__file__).resolve().parents[4] / "shared" / "data" / "kit"

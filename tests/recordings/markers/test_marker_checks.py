@@ -14,8 +14,7 @@ import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
-from geodesic_ocp.recordings.read_markers import read_markers
-from geodesic_ocp.recordings.read_recording import read_recording
+from geodesic_ocp.recordings.read_recording import read_markers, read_recording
 from geodesic_ocp.tables import text
 
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}

@@ -13,13 +13,12 @@ import geodesic_ocp as go
 from geodesic_ocp.model.adjustable_lengths import joint_poses, with_lengths
 from geodesic_ocp.model.human import human_upper_body, stature
 from geodesic_ocp.recordings.markers.body import MarkedBody
-from geodesic_ocp.recordings.markers.chosen_markers import standing_height
+from geodesic_ocp.recordings.markers.chosen_markers import rigid_poses, standing_height
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.fit_program import roughness
 from geodesic_ocp.recordings.markers.marker_fit import lost_markers
 from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MMM_MARKERS, MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.trunk import rigid_poses
 
 
 def test_an_arm_with_all_lengths_multiplied_is_the_arm_of_a_taller_person() -> None:

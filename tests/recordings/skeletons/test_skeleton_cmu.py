@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SegmentOrientations,
+    joint_angles,
+)
 from geodesic_ocp.recordings.formats.amc import read_amc, read_asf
 
 CMU = Path(__file__).resolve().parents[4] / "shared" / "data" / "cmu"

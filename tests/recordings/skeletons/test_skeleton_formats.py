@@ -28,8 +28,10 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SegmentOrientations,
+    joint_angles,
+)
 from geodesic_ocp.recordings.conventions.skeleton_convention import SKELETON_CONVENTIONS, SMPL
 from geodesic_ocp.recordings.formats.amc import read_amc
 from geodesic_ocp.recordings.formats.bvh import read_bvh

@@ -21,9 +21,8 @@ import scipy
 from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.delimited import Table, read_csv
-from geodesic_ocp.recordings.formats.text_lines import named_failures, read_lines
+from geodesic_ocp.recordings.formats.text_lines import ANGLES, named_failures, read_lines
 from geodesic_ocp.recordings.recording import ask_about_degrees
-from geodesic_ocp.recordings.units import ANGLES
 from geodesic_ocp.records import write_file
 from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import Motion
@@ -153,19 +152,15 @@ def _angles(
     """Return times [s], angles [rad] with NaN where they are missing, and the joints."""
     rows, others = table.rows, table.others
     if columns is None:
-        names = {name.lower().removesuffix("_joint"): name for name in others}
+        names = {_bare(name): name for name in others}
         wanted = others if joints is None else list(joints)
-        same = {
-            j: j if j in others else names.get(j.lower().removesuffix("_joint"), j) for j in wanted
-        }
+        same = {j: j if j in others else names.get(_bare(j), j) for j in wanted}
         table.assumed.extend(f"{n!r} as {j}" for j, n in same.items() if n != j and n in others)
         columns = {joint: Column(name) for joint, name in same.items()}
         absent = "there is no joint {}; there are {}"
     else:
         absent = "there is no column {}; there are {}"
-        wanted = list(columns) if joints is None else list(joints)
-        if unknown := [joint for joint in wanted if joint not in columns]:
-            raise RecordingError(f"columns give no joint {', '.join(unknown)}")
+        wanted = _wanted(columns, joints)
     chosen = [columns[joint] for joint in wanted]
     if missing := [each.name for each in chosen if each.name not in others]:
         raise RecordingError(absent.format(", ".join(missing), ", ".join(others)))
@@ -182,6 +177,14 @@ def _angles(
 
 def _bare(name: str) -> str:
     return name.lower().removesuffix("_joint")
+
+
+def _wanted(columns: Mapping[str, Column], joints: Sequence[str] | None) -> list[str]:
+    """Return the joints that are read; RecordingError if there is no column of one."""
+    wanted = list(columns) if joints is None else list(joints)
+    if unknown := [joint for joint in wanted if joint not in columns]:
+        raise RecordingError(f"columns give no joint {', '.join(unknown)}")
+    return wanted
 
 
 class Gaps(RecordingError):
@@ -248,13 +251,12 @@ def complete(
 
 def mapped(motion: Motion, columns: Any, joints: Sequence[str] | None) -> Motion:
     """Return a motion [rad] with the joints that columns of other names are."""
-    chosen = as_columns(columns)
-    wanted = list(chosen) if joints is None else list(joints)
-    if unknown := [joint for joint in wanted if joint not in chosen]:
-        raise RecordingError(f"columns give no joint {', '.join(unknown)}")
-    raw = motion.select([chosen[joint].name for joint in wanted])
-    signs, offsets = (np.array([getattr(chosen[j], k) for j in wanted]) for k in ("sign", "offset"))
-    q = signs * raw.q + offsets * [chosen[joint].radians() for joint in wanted]
+    known = as_columns(columns)
+    wanted = _wanted(known, joints)
+    chosen = [known[joint] for joint in wanted]
+    raw = motion.select([each.name for each in chosen])
+    signs, offsets = (np.array([getattr(c, k) for c in chosen]) for k in ("sign", "offset"))
+    q = signs * raw.q + offsets * [each.radians() for each in chosen]
     return Motion(raw.time, q, tuple(wanted), subject=motion.subject)
 
 

@@ -24,9 +24,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.recordings.formats.text_lines import LENGTHS, named_failures
 from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
-from geodesic_ocp.recordings.units import LENGTHS
 from geodesic_ocp.trajectory.motion import Subject
 
 BLOCK = 512

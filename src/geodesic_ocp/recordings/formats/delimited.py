@@ -38,6 +38,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.text_lines import (
+    LENGTHS,
     is_time,
     name_and_unit,
     named_failures,
@@ -45,7 +46,6 @@ from geodesic_ocp.recordings.formats.text_lines import (
 )
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.recordings.units import LENGTHS
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 _MISSING = ("", "nan", "-nan")
@@ -109,23 +109,35 @@ def split_line(line: str, separator: str | None) -> list[str]:
     return [entry.strip() for entry in entries]
 
 
-def _read_rows(
+def read_rows(
     lines: Sequence[str],
     start: int,
     names: Sequence[str],
     separator: str | None,
     expected: str = "the header {}",
+    blank: str = " ,\t",
+    ends: bool = True,
 ) -> Rows:
-    """Return the rows that follow `start` lines; empty ones are left out.
+    """Return the rows that follow `start` lines, "n/a" as empty cells.
+
+    Args:
+        lines: of the file.
+        start: number of those before the table.
+        names: names of the columns.
+        separator: of the cells; None: white space.
+        expected: how many cells there should be, for messages.
+        blank: of these characters alone, lines are left out.
+        ends: whether rows may end with separators, as those of programs often do.
 
     Raises:
         RecordingError: a row of another length than the names; the message names the line.
     """
     found = Rows(tuple(names), [], [])
     for number, line in enumerate(lines[start:], start + 1):
-        if line.strip(" \t" if separator == "," else " ,\t"):
-            entries = split_line(line, separator)
-            if separator != ",":  # lines of programs often end with separators
+        if line.strip(blank):
+            cells = split_line(line, separator)
+            entries = ["" if each.lower() == "n/a" else each for each in cells]
+            if ends:
                 while len(entries) > len(names) and not entries[-1]:
                     entries.pop()
             if len(entries) != len(names):
@@ -263,7 +275,9 @@ def read_csv(
         names.append(name if cell == times[0] or own in units else cell)
     check_names("the header", names)
     height, mass = (_positive_number(notes, key) for key in ("height", "mass"))
-    rows = _read_rows(lines, first + 1, names, separator)
+    other = separator != ","
+    blank = " ,\t" if other else " \t"
+    rows = read_rows(lines, first + 1, names, separator, blank=blank, ends=other)
     if separator != "," and _has_decimal_commas(rows):
         assumed.append("decimal commas")
         points = [[cell.replace(",", ".") for cell in row] for row in rows.cells]
@@ -349,18 +363,25 @@ def read_trc(file: Path) -> Markers:
             first += 1
         expected = f"{{}} are needed for frame, time and {len(names)} markers"
         separator = _trc_separator(lines[first]) if first < len(lines) else None
-        rows = _read_rows(lines, first, columns, separator, expected)
+        rows = read_rows(lines, first, columns, separator, expected)
         compare_count(file, header, "NumFrames", "frames", len(rows.cells))
         compare_count(file, header, "NumMarkers", "markers", len(names))
         indices = [index + k for index in starts for k in range(3)]
         positions = rows.at(indices, missing=True).reshape(-1, len(names), 3)
-        some = np.isnan(positions).any(axis=2) & ~np.isnan(positions).all(axis=2)
-        for row, marker in np.argwhere(some)[:1].tolist():
-            raise RecordingError(
-                f"line {rows.lines[row]}: {names[marker]} has some of its three coordinates only"
-            )
+        check_whole(rows, names, positions)
         positions[np.all(positions == 0.0, axis=2)] = np.nan
         return Markers(rows.at([1])[:, 0], tuple(names), LENGTHS[unit.lower()] * positions)
+
+
+def check_whole(rows: Rows, names: Sequence[str], positions: Array) -> None:
+    """Raise RecordingError, with the line, if a marker has some of its coordinates (k, m, 3)
+    only.
+    """
+    some = np.isnan(positions).any(axis=2) & ~np.isnan(positions).all(axis=2)
+    for row, marker in np.argwhere(some)[:1].tolist():
+        raise RecordingError(
+            f"line {rows.lines[row]}: {names[marker]} has some of its three coordinates only"
+        )
 
 
 def _trc_separator(line: str) -> str | None:
@@ -417,7 +438,7 @@ def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
         kept = [k for k, each in enumerate(is_coordinate) if k and each]
         names = [labels[k] if (state := states[k]) is None else state["coordinate"] for k in kept]
         check_names(f"line {first + 1}", names)
-        rows = _read_rows(lines, first + 1, labels, separator, "the names of columns {}")
+        rows = read_rows(lines, first + 1, labels, separator, "the names of columns {}")
         compare_count(file, header, "nrows", "rows", len(rows.cells))
         compare_count(file, header, "ncolumns", "columns", len(labels))
         values = rows.at(range(len(labels)))

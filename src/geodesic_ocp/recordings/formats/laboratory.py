@@ -26,6 +26,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -37,49 +38,38 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
 from geodesic_ocp.recordings.formats.angle_tables import as_columns, complete
-from geodesic_ocp.recordings.formats.delimited import Rows, check_names, compare_count, split_line
+from geodesic_ocp.recordings.formats.delimited import (
+    Rows,
+    check_names,
+    check_whole,
+    compare_count,
+    read_rows,
+    split_line,
+)
 from geodesic_ocp.recordings.formats.opensim import motion_of_columns
-from geodesic_ocp.recordings.formats.text_lines import named_failures, numbers, read_lines
+from geodesic_ocp.recordings.formats.text_lines import (
+    ANGLES,
+    LENGTHS,
+    named_failures,
+    numbers,
+    read_lines,
+)
 from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.recordings.units import ANGLES, LENGTHS
 from geodesic_ocp.records import read_structured
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 _BLANK = ' ,;\t"'
 
 
-def _rows(lines: Sequence[str], start: int, names: Sequence[str], separator: str) -> Rows:
-    """Return the rows after `start` lines; separators alone are a row in which all is missing.
-
-    Raises:
-        RecordingError: a row of another length than the names; the message names the line.
-    """
-    found = Rows(tuple(names), [], [])
-    for number, line in enumerate(lines[start:], start + 1):
-        if line.strip(" "):
-            entries = [
-                "" if each.lower() == "n/a" else each for each in split_line(line, separator)
-            ]
-            while len(entries) > len(names) and not entries[-1]:
-                entries.pop()
-            if len(entries) != len(names):
-                raise RecordingError(
-                    f"line {number} has {len(entries)} entries, {len(names)} are needed"
-                )
-            found.cells.append(entries)
-            found.lines.append(number)
-    return found
+# Separators alone are a row in which all is missing.
+_rows = partial(read_rows, expected="{} are needed", blank=" ")
 
 
 def _markers(rows: Rows, time: Array, labels: Sequence[str], positions: Array) -> Markers:
     """Return positions (k, m, 3) [m] of markers, whose labels may name the subject."""
     names, subject = without_prefix(labels)
-    some = np.isnan(positions).any(axis=2) & ~np.isnan(positions).all(axis=2)
-    for row, marker in np.argwhere(some)[:1].tolist():
-        raise RecordingError(
-            f"line {rows.lines[row]}: {labels[marker]} has some of its three coordinates only"
-        )
+    check_whole(rows, labels, positions)
     return Markers(time, tuple(names), positions, Subject(name=subject))
 
 

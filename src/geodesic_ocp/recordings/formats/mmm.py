@@ -27,7 +27,7 @@ import scipy
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import trunk
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.recordings.formats.text_lines import named_failures, numbers
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion, Subject
 
 #: The joints of the trunk, from the pelvis to the thorax.
@@ -149,7 +149,7 @@ class Texts:
             where = f"{self.frame} {self.texts.index(None)}"
             raise RecordingError(f"{where} has no {self.what}{others}")
         rows = [
-            _numbers(f"the {self.what} of {self.frame} {index}", text or "", count)
+            numbers(None, f"the {self.what} of {self.frame} {index}", (text or "").split(), count)
             for index, text in enumerate(self.texts)
         ]
         return np.array(rows).reshape(len(rows), count)
@@ -224,19 +224,8 @@ def _subject(motion: ElementTree.Element) -> Subject:
     for name in values:
         text = None if config is None else config.findtext(name)
         if text is not None:
-            number = float(_numbers(f"ModelProcessorConfig/{name}", text, 1)[0])
-            if not np.isfinite(number) or number <= 0.0:
+            (number,) = numbers(None, f"ModelProcessorConfig/{name}", text.split(), 1)
+            if number <= 0.0:
                 raise RecordingError(f"{name} of the subject must be positive, is {number}")
             values[name] = number
     return Subject(values["Height"], values["Mass"], motion.get("name", ""))
-
-
-def _numbers(element: str, text: str, count: int) -> Array:
-    try:
-        numbers = np.array(text.split(), dtype=float)
-    except ValueError:
-        shown = text.strip()[:40]
-        raise RecordingError(f"{element} does not consist of numbers: {shown!r}") from None
-    if numbers.size != count:
-        raise RecordingError(f"{element} has {numbers.size} numbers, expected {count}")
-    return numbers

@@ -14,14 +14,21 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     SegmentRelation,
+    fits,
+    segments_of_angles,
 )
-from geodesic_ocp.recordings.conventions.angle_segments import fits, segments_of_angles
-from geodesic_ocp.recordings.conventions.joint_angles import JOINTS, joint_angles
-from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
+from geodesic_ocp.recordings.conventions.known_angle_conventions import (
+    ANGLE_CONVENTIONS,
+    as_convention,
+)
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention, model_segments
 from geodesic_ocp.recordings.conventions.osim_file import read_osim
-from geodesic_ocp.recordings.conventions.read_convention import as_convention
-from geodesic_ocp.recordings.conventions.segment_orientations import SIDES, SegmentOrientations
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    JOINTS,
+    SIDES,
+    SegmentOrientations,
+    joint_angles,
+)
 from geodesic_ocp.recordings.formats.angle_tables import mapped
 from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
 from geodesic_ocp.recordings.formats.text_lines import named_failures

@@ -11,8 +11,7 @@ from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.laboratory import is_qualisys, is_vicon, motion_bids_kind
-from geodesic_ocp.recordings.formats.text_lines import is_time
-from geodesic_ocp.recordings.units import LENGTHS
+from geodesic_ocp.recordings.formats.text_lines import LENGTHS, is_time
 
 _HEAD = 1 << 16  # bytes from which a format is told
 

@@ -1,4 +1,4 @@
-"""Lines of text files, the numbers in them, and the file's name in messages."""
+"""Lines of text files, the numbers in them and their units, and the file's name in messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,22 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from geodesic_ocp.errors import RecordingError
+
+#: Radians in a unit of angle, by its name in lower case.
+ANGLES = {
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), 1.0),
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), np.pi / 180.0),
+}
+#: Metres in a unit of length, by its name in lower case.
+LENGTHS = {
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 1e-2),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 1e-3),
+}
+
 
 # No angle, length or coordinate of a person is larger in any unit, so that nothing overflows.
 _LARGEST = 1e9
@@ -50,23 +65,24 @@ def read_lines(file: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def numbers(line: int, what: str, words: Sequence[str], count: int) -> list[float]:
-    """Return `count` finite numbers from the words of a line.
+def numbers(line: int | None, what: str, words: Sequence[str], count: int) -> list[float]:
+    """Return `count` finite numbers from the words of a line, if the place is one.
 
     Raises:
         RecordingError: another count, or a word that is not a finite number; the message names the
             line and `what` they are.
     """
+    what = what if line is None else f"line {line}: {what}"
     if len(words) != count:
-        raise RecordingError(f"line {line}: {what} has {len(words)} numbers, not {count}")
+        raise RecordingError(f"{what} has {len(words)} numbers, not {count}")
     try:
         values = [float(word) for word in words]
     except ValueError:
         shown = " ".join(words)[:40]
-        raise RecordingError(f"line {line}: {what} is not numeric: {shown!r}") from None
+        raise RecordingError(f"{what} is not numeric: {shown!r}") from None
     for value in values:
         if not math.isfinite(value) or abs(value) > _LARGEST:
-            raise RecordingError(f"line {line}: {what} has the value {value:g}")
+            raise RecordingError(f"{what} has the value {value:g}")
     return values
 
 

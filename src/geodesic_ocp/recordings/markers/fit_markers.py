@@ -21,22 +21,24 @@ from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.chosen_markers import (
     Base,
     FitSettings,
+    check_trunk,
     choose_markers,
     known_height,
+    rigid_poses,
+    without_stray,
 )
-from geodesic_ocp.recordings.markers.fit_noise import fit_noise
 from geodesic_ocp.recordings.markers.fit_program import ROOT, FitProblem
 from geodesic_ocp.recordings.markers.marker_fit import (
     DOUBTFUL,
     MarkerFit,
     check_fit,
     constant_errors,
+    fit_noise,
     lost_markers,
     undetermined_joints,
 )
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet, as_marker_set
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
-from geodesic_ocp.recordings.markers.trunk import check_trunk, rigid_poses, without_stray
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 _STARTS, _STEPS = 40, 60

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from geodesic_ocp.arrays import as_not_negative, as_vector
-from geodesic_ocp.recordings.conventions.stated import as_stated
+from geodesic_ocp.records import as_stated
 
 Place = tuple[str, tuple[float, float, float]]
 
