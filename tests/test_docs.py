@@ -129,3 +129,13 @@ def test_commands_have_these_options() -> None:
     for command in commands:
         with contextlib.suppress(ValueError):  # the files of the examples are not there
             app.parse_args(current(shlex.split(command)), exit_on_error=False)
+
+
+def test_stated_defaults() -> None:
+    """Defaults in the table of options of `retarget` are those of the settings."""
+    text = (ROOT / "docs" / "how-to" / "retargeting.md").read_text()
+    stated = re.findall(r"^\| `--([a-z-]+) .*\(default ([-\d. ]+)[);]", text, re.MULTILINE)
+    assert len(stated) > 8
+    for option, numbers in stated:
+        default = getattr(go.RetargetingSettings(), option.replace("-", "_"))
+        assert np.ravel(default).tolist() == [float(each) for each in numbers.split()], option

@@ -350,7 +350,10 @@ def test_a_notebook_shows_the_same_in_a_frame(
     notebook.write_text(Viewer(playback("path"))._repr_html_(), encoding="utf-8")
     with opened(browser, notebook, width=WIDTH, height=560) as page:
         frame = page.frames[1]
-        frame.evaluate("geodesicOcp.viewers[0].seek(0.5)")
+        frame.evaluate("""async () => {
+          geodesicOcp.viewers[0].seek(0.5);
+          for (let k = 0; k < 2; k++) await new Promise(requestAnimationFrame); // it is drawn
+        }""")
         assert frame.get_by_label("time", exact=True).inner_text() == "s = 0.50"
         content = frame.evaluate("document.body.offsetHeight")
         assert page.locator("iframe").bounding_box()["height"] == near(content, 2.0)

@@ -20,7 +20,7 @@ from geodesic_ocp.trajectory.path import Path
 _PER_NODE = 4  # samples between two nodes
 _NEAR_BOUND = 1e-2  # of the range of a condition's values
 _MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at first
-_REFINEMENTS = 3  # times that the vertices of parabolas are added to the samples
+_REFINEMENTS = 2  # times that the vertices of parabolas are added to the samples
 
 
 def excess_over_bounds(bounds: Bounded, values: Array) -> Array:
