@@ -258,6 +258,12 @@ def _transfer(
     if result.faults:
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"
         print(f"\n{title}:", *result.faults, sep="\n  ", file=sys.stderr)
+        if settings.obstacles and mount is None and len(robots) == 1:
+            print(
+                "with obstacles the robot stays where it is; --mount auto seeks a better place for "
+                "it and the obstacles, relative to the person",
+                file=sys.stderr,
+            )
     return 0 if result.success else 1
 
 
@@ -294,7 +300,8 @@ def _summarize(result: Retargeting) -> None:
     faults = "; ".join(result.check.violations[:_FAULTS]) or "all conditions hold"
     near = result.check.clearance
     apart = "not known" if near is None else f"{near:.3g} m"
-    print(f"trajectory at {result.rate:g} Hz: {faults}; least distance of links: {apart}\n")
+    bodies = "links and obstacles" if result.settings.obstacles else "links"
+    print(f"trajectory at {result.rate:g} Hz: {faults}; least distance of {bodies}: {apart}\n")
     print(text(result.synergy_table()))
     print(
         "\nagainst inverse kinematics that tracks the whole path of the hand\n\n"
