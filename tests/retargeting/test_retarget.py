@@ -531,16 +531,25 @@ def test_a_baseline_that_no_configuration_is_clear_for_begins_where_the_synergie
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sample", [0, -1])
-def test_an_obstacle_that_cannot_be_avoided_is_no_success(
+def test_an_obstacle_where_the_hand_has_to_be_moves_the_robot_unless_it_is_fixed(
     analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting, sample: int
 ) -> None:
-    """It lies where the hand has to be."""
+    """The obstacle moves with it, as it is in the frame of its base."""
     (arm,) = found.arms
     ball = go.Ball(tuple(arm.target_poses[1][sample]), 0.03, name="lamp")
     hand = ("right hand",)
     settings = replace(SETTINGS, obstacles=[ball], links=hand, self_collision=False, margin=0.0)
+    given: dict[str, Any] = {"tolerance": LOOSE, "settings": settings}
     with pytest.warns(UserWarning, match="lamp|from its (first )?pose"):
-        avoiding = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)
+        avoiding = go.retarget(analysis, robot, alignment=arm.mapping.target, **given)
     assert not avoiding.success
     assert avoiding.touches or avoiding.arms[0].missed
     assert not avoiding.paths.within_reach[0][sample]  # type: ignore[union-attr]
+    with pytest.warns(UserWarning, match="is moved, with its obstacles, as it does not attain"):
+        moved = go.retarget(analysis, robot, **given)
+    assert moved.success
+    apart = [
+        min(go.distances.signed_distances(robot, q, [ball], links=hand).values())
+        for q in moved.trajectory.positions
+    ]
+    assert min(apart) > 0.0

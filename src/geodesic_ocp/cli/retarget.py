@@ -90,9 +90,10 @@ def retarget(
             one for each --robot, or for each hand of a body.
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
             degrees about the vertical, to where most poses are within reach at least cost. fixed:
-            leave it there. By default, one robot without --alignment and --obstacle is moved if
-            poses are out of reach, or the motion is slow or fails. With --out, alignment.json says
-            where a moved robot stands (alignment_right.json and alignment_left.json for a body).
+            leave it there. By default, one robot without --alignment is moved if poses are out of
+            reach, or the motion is slow or fails. Its obstacles move with it. With --out,
+            alignment.json says where a moved robot stands (alignment_right.json and
+            alignment_left.json for a body).
         payload: mass in every hand [kg], at the origin of its frame, or MASS,x,y,z at another
             centre, or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
@@ -258,12 +259,6 @@ def _transfer(
     if result.faults:
         title = "not for a robot" if result.unfit else "poses missed by more than the tolerance"
         print(f"\n{title}:", *result.faults, sep="\n  ", file=sys.stderr)
-        if settings.obstacles and mount is None and len(robots) == 1:
-            print(
-                "with obstacles the robot stays where it is; --mount auto seeks a better place for "
-                "it and the obstacles, relative to the person",
-                file=sys.stderr,
-            )
     return 0 if result.success else 1
 
 

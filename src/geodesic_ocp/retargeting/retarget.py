@@ -113,8 +113,8 @@ def retarget(
             out of reach, or links too near or joints too weak at them, the base of one robot is
             moved to where most are attained (`place_base`); if the motion takes 1.5 times the
             person's time, or a synergy 2.5 times, to where it is quicker. If it does so there as
-            well, and its arm is longer than the person's, positions are not scaled. Not if a start,
-            obstacles or a problem of one's own are given.
+            well, and its arm is longer than the person's, positions are not scaled. Obstacles, in
+            the frame of the base, move with it. Not if a start or a problem of one's own is given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -212,7 +212,7 @@ def retarget_arms(
     plan = _Plan(clearance, rate, tolerance, throw, report)
     if settings.constrained:
         bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]
-        movable = len(bodies) == 1 and problem is SynergyPaths and not settings.obstacles
+        movable = len(bodies) == 1 and problem is SynergyPaths
         movable &= settings.position_weight > 0.0
         movable &= all(each is None for given in (alignments, starts) for each in given or ())
         result, notes = plan.of_robot(bodies[0]) if movable else plan.constrained(pairs, problem)
@@ -272,7 +272,7 @@ class _Plan:
         note = (
             f"positions of {pair.robot.name} are scaled by {result.arms[0].mapping.scale:.3g}, as "
             f"its motion is slow with the ratio of the arms' lengths (--scale {scale:.3g}): "
-            f"{found[0].stretch:.3g} times the person's time, now {result.stretch:.3g}"
+            f"{_times(found[0])}; now {_times(result)}"
         )
         return result, [note, *notes]
 
@@ -309,9 +309,10 @@ class _Plan:
     def _at(self, pair: PairedArm, placement: BasePlacement) -> tuple[Retargeting, list[str]]:
         """Return the motion from another place."""
         result, notes = self.constrained(list(pair.of_hands), SynergyPaths, None, placement)
+        them = ", with its obstacles" if pair.settings.obstacles else ""
         note = (
-            f"{pair.robot.name} is moved, as {placement.reason}: {placement}. To keep it where its "
-            "alignment has it, pass that alignment (--mount fixed)"
+            f"{pair.robot.name} is moved{them}, as {placement.reason}: {placement}. To keep it "
+            "where its alignment has it, pass that alignment (--mount fixed)"
         )
         return result, [note, *notes]
 
@@ -395,9 +396,19 @@ class _Plan:
 
 def _slowness(result: Retargeting) -> float:
     """Return how much slower than the person it is, above 1 if too slow."""
+    return max(result.stretch / _SLOW, _slowest(result) / _SLOWEST)
+
+
+def _slowest(result: Retargeting) -> float:
+    """Return how many times the person's time the slowest synergy takes."""
     planned = result.planned
-    slowest = np.max(np.diff(planned.robot_edges) / np.diff(planned.edges))
-    return float(max(planned.stretch / _SLOW, slowest / _SLOWEST))
+    return float(np.max(np.diff(planned.robot_edges) / np.diff(planned.edges)))
+
+
+def _times(result: Retargeting) -> str:
+    """Return how many times the person's time it takes, in words."""
+    slowest = f"the slowest synergy {_slowest(result):.3g} times"
+    return f"{result.stretch:.3g} times the person's time, {slowest}"
 
 
 def _success(result: Retargeting) -> tuple[bool, int, float]:

@@ -242,8 +242,8 @@ def _check_obstacles(distances: ca.Function, robots: Sequence[Model], names: Seq
     largest = distances(sampled_configurations(robots, _MANY).T).full().max(axis=1)
     if always := [name for name, most in zip(names, largest, strict=True) if most < 0.0]:
         raise ValueError(
-            f"obstacles: overlap in each of {_MANY} configurations: {', '.join(always)}; is the "
-            "obstacle in the frame of the robot's base? `links` are those kept clear of obstacles"
+            f"obstacles: overlap in each of {_MANY} configurations: {', '.join(always)}; give them "
+            "in the frame of the robot's base, and the links to be kept clear (--links)"
         )
 
 
