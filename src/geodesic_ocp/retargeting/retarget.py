@@ -112,9 +112,10 @@ def retarget(
             several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
             out of reach, or links too near or joints too weak at them, the base of one robot is
             moved to where most are attained (`place_base`); if the motion takes 1.5 times the
-            person's time, or a synergy 2.5 times, to where it is quicker. If it does so there as
-            well, and its arm is longer than the person's, positions are not scaled. Obstacles, in
-            the frame of the base, move with it. Not if a start or a problem of one's own is given.
+            person's time, or a synergy 2.5 times, to where it is quicker. If it is slow or fails
+            there as well, and its arm is longer than the person's, positions are not scaled.
+            Obstacles, in the frame of the base, move with it. Not if a start or a problem of one's
+            own is given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -260,19 +261,22 @@ class _Plan:
     report: Progress
 
     def of_robot(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
-        """Return the motion of one robot, moved if need be; where it is too slow all the same, as a
-        longer arm magnifies the person's motion, with positions as they are.
+        """Return the motion of one robot, moved if need be; where it is too slow or fails all the
+        same, as a longer arm magnifies the person's motion, with positions as they are.
         """
         found, scale = self._moved(pair), pair.mapping.scale
-        if pair.settings.scale is not None or scale <= 1.0 or _slowness(found[0]) <= 1.0:
+        fails = not found[0].success
+        if pair.settings.scale is not None or scale <= 1.0:
+            return found
+        if not fails and _slowness(found[0]) <= 1.0:
             return found
         result, notes = replace(self, throw=False)._moved(pair.scaled(1.0 / scale))
         if _success(result) >= _success(found[0]):
             return found
         note = (
             f"positions of {pair.robot.name} are scaled by {result.arms[0].mapping.scale:.3g}, as "
-            f"its motion is slow with the ratio of the arms' lengths (--scale {scale:.3g}): "
-            f"{_times(found[0])}; now {_times(result)}"
+            f"its motion {'fails' if fails else 'is slow'} with the ratio of the arms' lengths "
+            f"(--scale {scale:.3g}): {_times(found[0])}; now {_times(result)}"
         )
         return result, [note, *notes]
 
@@ -406,9 +410,10 @@ def _slowest(result: Retargeting) -> float:
 
 
 def _times(result: Retargeting) -> str:
-    """Return how many times the person's time it takes, in words."""
+    """Return how many poses it misses and how many times the person's time it takes, in words."""
+    missed = sum(len(arm.missed) for arm in result.arms)
     slowest = f"the slowest synergy {_slowest(result):.3g} times"
-    return f"{result.stretch:.3g} times the person's time, {slowest}"
+    return f"{missed} poses missed, {result.stretch:.3g} times the person's time, {slowest}"
 
 
 def _success(result: Retargeting) -> tuple[bool, int, float]:
