@@ -23,7 +23,12 @@ from geodesic_ocp.arrays import (
     rotation_vector,
 )
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_start
+from geodesic_ocp.execution.limits import (
+    JointLimits,
+    checked_limits,
+    checked_start,
+    usable_torque,
+)
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.synergies.baselines import Poses
@@ -179,6 +184,7 @@ class Tracker:
         hands: names of the hands; empty: the hand of the model.
         gravity: of free fall, in axes of the base (3,) [m/s^2]; None: torques and speeds of the
             hands are not limited.
+        torque_share: share of the limits of torque that may be used, see `usable_torque`.
     """
 
     model: Model
@@ -191,6 +197,7 @@ class Tracker:
     solver: StepSolver | None = None
     hands: tuple[str, ...] = ()
     gravity: Array | None = None
+    torque_share: float = 1.0
 
     def speeds(
         self,
@@ -239,14 +246,12 @@ class Tracker:
     ) -> tuple[Array, Array, Array] | None:
         """Return matrix (k, n) and bounds (k,) of the speeds of a step that begins at q (n,), which
         limit torques at its beginning, their change, and the hands' speed in its direction.
-
-        A torque that holding the arm takes is allowed in any case.
         """
         if self.gravity is None:
             return None
         states = np.array([q, q]), np.array([0.0 * q, previous])
         held, kept = self.model.inverse_dynamics(*states, np.zeros((2, q.size)), self.gravity)
-        upper = np.maximum(self.limits.torque, np.abs(held))
+        upper = usable_torque(self.limits.torque, np.abs(held), self.torque_share)
         lower = -upper
         if force is not None:
             change = self.step * self.limits.torque_rate

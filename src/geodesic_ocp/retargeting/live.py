@@ -131,11 +131,15 @@ class LiveRetargeting:
         self._gravity = gravity_on(target)
         within = replace(
             self.limits,
-            torque=settings.torque_share * self.limits.torque,
             torque_rate=_WITHIN * self.limits.torque_rate,
             hand_speed=_WITHIN * self.limits.hand_speed,
         )
-        self._tracker = Tracker(robot, within, self._step, q, rows=rows, gravity=self._gravity)
+        self._tracker = Tracker(
+            *(robot, within, self._step, q),
+            rows=rows,
+            gravity=self._gravity,
+            torque_share=settings.torque_share,
+        )
         limited = np.isfinite(self.limits.jerk)
         averaged = 2.0 * self.limits.acceleration[limited] / self.limits.jerk[limited]
         if not np.all(np.isfinite(averaged)):

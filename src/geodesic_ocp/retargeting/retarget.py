@@ -16,7 +16,7 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits, usable_torque
 from geodesic_ocp.execution.plan_trajectory import plan_trajectory
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
@@ -56,9 +56,6 @@ from geodesic_ocp.synergies.analyse import Analysis
 _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6
 _RATE = 100.0  # [Hz]
-# Where holding the arm takes much of a joint's torque, it gets this many times as much as that, up
-# to its limit.
-_MOVING = 1.5
 _WORTH = 0.85  # of the cost through candidates, from which a turned gripper is tried first
 _SLOW, _SLOWEST = 1.5, 2.5  # times the person's time, of the motion and of a synergy: too slow
 
@@ -445,9 +442,7 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer], notes: list[str
             f"{needed[joint]:.3g} of {limit[joint]:.3g} "
             f"{'N m' if robot.units[joint] == 'rad' else 'N'}; the motion uses more"
         )
-    torque = np.maximum(share * limit, np.minimum(limit, _MOVING * needed))
-    torque = np.where(needed > limit, np.inf, torque)
-    limits = replace(pair.limits, torque=torque)
+    limits = replace(pair.limits, torque=usable_torque(limit, needed, share))
     return ArmPaths(robot, limits, pair.edges, paths, pair.gravity, pair.progress)
 
 
