@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
-from scipy.spatial.transform import Rotation
 from small_retargeting import small_analysis
 
 import geodesic_ocp as go
@@ -129,7 +128,7 @@ def test_both_hands_pass_their_poses_on_one_trajectory(result: go.retargeting.Re
 
 @pytest.mark.slow
 def test_a_displaced_body_is_found_again(analysis: go.Analysis) -> None:
-    """Its base moves both hands' poses by one rigid motion, to where both are within reach."""
+    """Its base moves both hands' poses by one rigid motion."""
     body = planar_body("body")
     given = alignments(body)
     planted = [replace(each, shoulder=np.add(each.shoulder, (0.2, 0.25, 0.0))) for each in given]
@@ -141,14 +140,12 @@ def test_a_displaced_body_is_found_again(analysis: go.Analysis) -> None:
         height=(0.0, 0.0),
     )
     assert found.reached == found.count > found.reached_before
-    turn = Rotation.from_euler("z", -found.yaw).as_matrix()
-    before, after = (
-        np.subtract(*(np.asarray(each.shoulder) for each in several))
-        for several in (planted, found.alignments)
-    )
-    assert_allclose(after, turn @ before, atol=1e-12)
-    for each in found.alignments:
-        assert_allclose(each.base, turn, atol=1e-12)
+    # Where the poses are those of the same body, and so are its waist and elbows.
+    for each, before in zip(found.alignments, given, strict=True):
+        assert_allclose(each.shoulder, before.shoulder, atol=0.01)
+        assert_allclose(each.base, before.base, atol=0.02)
+    assert found.yaw == pytest.approx(0.0, abs=0.02)
+    assert found.cost < found.cost_before
 
 
 @pytest.mark.slow

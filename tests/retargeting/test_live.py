@@ -61,6 +61,26 @@ def test_command_keeps_all_limits_whatever_the_person_does() -> None:
 
 
 @pytest.mark.slow
+def test_torques_and_the_hands_speed_are_limited_where_they_would_exceed() -> None:
+    swing = np.array([0.3, -0.3, 0.2, 1.2, 0.0, 0.0, 0.0]) + np.zeros((200, 7))
+    swing[:, 3] += 0.5 * np.sin(5.0 * STEP * np.arange(200))
+    found = []
+    tight = go.execution.joint_limits(
+        ROBOT, velocity=2.5, torque=10.0, torque_rate=80.0, hand_speed=1.5
+    )
+    for limits in (LIMITS, tight):
+        live = go.retargeting.LiveRetargeting(PERSON, ROBOT, START, limits=limits)
+        commands = [live.command, *(live.step(k * STEP, q) for k, q in enumerate(swing))]
+        commands += [live.step((200 + k) * STEP) for k in range(50)]  # it brakes and rests
+        found.append(go.check_trajectory(as_trajectory(commands), ROBOT, tight))
+    free_use, use = ({k: v.max() for k, v in each.usage.items()} for each in found)
+    kinds = ("torque", "torque_rate", "hand_speed")
+    assert all(free_use[kind] > 1.2 for kind in kinds), free_use
+    assert found[1].passed, found[1]
+    assert use["hand_speed"] > 0.9
+
+
+@pytest.mark.slow
 def test_hand_lags_by_the_stated_delay() -> None:
     live, hand = new_live(), []
     time = np.arange(0.0, 3.0, STEP)

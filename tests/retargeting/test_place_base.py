@@ -117,9 +117,12 @@ def test_positions_are_scaled_down_no_further_than_poses_need(
 
 @pytest.mark.parametrize(
     ("length", "scale", "seconds", "taken"),
-    [(1.3, None, 2.0, 1.0), (1.3, None, 1.4, 1.3), (1.3, 1.3, 2.0, 1.3), (0.9, None, 2.0, 0.9)],
+    [
+        *((1.3, None, 2.0, 1.0), (1.3, None, 1.4, 1.3), (1.3, 1.3, 2.0, 1.3)),
+        *((0.9, None, 2.0, 0.9), (1.3, None, 0.0, 1.0)),
+    ],
 )
-def test_a_long_arm_takes_positions_as_they_are_where_it_is_too_slow(
+def test_a_long_arm_takes_positions_as_they_are_where_it_is_too_slow_or_fails(
     length: float,
     scale: float | None,
     seconds: float,
@@ -127,13 +130,16 @@ def test_a_long_arm_takes_positions_as_they_are_where_it_is_too_slow(
     robot: go.Model,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of a motion of one second that takes so long, and a third less with unscaled positions."""
+    """Of a motion of one second that takes so long, or misses a pose if that is zero, and takes a
+    third less and attains all poses with unscaled positions.
+    """
 
     def motion(_: Any, pair: PairedArm) -> Any:
-        lasts = seconds / (1.5 if pair.mapping.scale == pytest.approx(1.0) else 1.0)
+        unscaled = pair.mapping.scale == pytest.approx(1.0)
+        lasts, success = (seconds or 1.0) / (1.5 if unscaled else 1.0), seconds > 0.0 or unscaled
         times = SimpleNamespace(edges=np.arange(2.0), robot_edges=[0.0, lasts], stretch=lasts)
-        arms = [SimpleNamespace(mapping=pair.mapping, missed={})]
-        return SimpleNamespace(planned=times, stretch=lasts, arms=arms, success=True), []
+        arms = [SimpleNamespace(mapping=pair.mapping, missed={} if success else {1: (1.0, 1.0)})]
+        return SimpleNamespace(planned=times, stretch=lasts, arms=arms, success=success), []
 
     monkeypatch.setattr(retarget._Plan, "_moved", motion)
     aligned = go.retargeting.align(robot)

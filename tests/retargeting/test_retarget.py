@@ -347,6 +347,14 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
     assert not called
 
 
+def test_an_obstacle_that_a_link_always_overlaps_is_named(
+    analysis: go.Analysis, robot: go.Model
+) -> None:
+    around = replace(SETTINGS, obstacles=[go.Ball((0.0, 0.0, 0.0), 0.1, name="lamp")])
+    with pytest.raises(ValueError, match="256 configurations: right upper arm to lamp;"):
+        go.retarget(analysis, robot, settings=around)
+
+
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
@@ -513,16 +521,35 @@ def test_on_panda(analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_an_obstacle_that_cannot_be_avoided_is_no_success(
-    analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting
+def test_a_baseline_that_no_configuration_is_clear_for_begins_where_the_synergies_do(
+    found: go.retargeting.Retargeting,
 ) -> None:
-    """It lies where the hand has to be."""
+    around = replace(SETTINGS, obstacles=[go.Ball((0.0, 0.0, 0.0), 0.1)])
+    arm = replace(found.arms[0], settings=around)
+    assert_allclose(arm.baseline.positions[0], arm.motion.q[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sample", [0, -1])
+def test_an_obstacle_where_the_hand_has_to_be_moves_the_robot_unless_it_is_fixed(
+    analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting, sample: int
+) -> None:
+    """The obstacle moves with it, as it is in the frame of its base."""
     (arm,) = found.arms
-    ball = go.Ball(tuple(arm.target_poses[1][-1]), 0.03, name="lamp")
+    ball = go.Ball(tuple(arm.target_poses[1][sample]), 0.03, name="lamp")
     hand = ("right hand",)
     settings = replace(SETTINGS, obstacles=[ball], links=hand, self_collision=False, margin=0.0)
-    with pytest.warns(UserWarning, match="lamp|from its pose, at which links would be too near"):
-        avoiding = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)
+    given: dict[str, Any] = {"tolerance": LOOSE, "settings": settings}
+    with pytest.warns(UserWarning, match="lamp|from its (first )?pose"):
+        avoiding = go.retarget(analysis, robot, alignment=arm.mapping.target, **given)
     assert not avoiding.success
     assert avoiding.touches or avoiding.arms[0].missed
-    assert not avoiding.paths.within_reach[0][-1]  # type: ignore[union-attr]
+    assert not avoiding.paths.within_reach[0][sample]  # type: ignore[union-attr]
+    with pytest.warns(UserWarning, match="is moved, with its obstacles, as it does not attain"):
+        moved = go.retarget(analysis, robot, **given)
+    assert moved.success
+    apart = [
+        min(go.distances.signed_distances(robot, q, [ball], links=hand).values())
+        for q in moved.trajectory.positions
+    ]
+    assert min(apart) > 0.0

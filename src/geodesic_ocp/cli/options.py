@@ -211,7 +211,7 @@ FitOptions = Annotated[
     AnalysisSettings, Parameter(name="*", group="Recording and cuts", parse=_OF_FITS)
 ]
 # Settings that are no text: obstacles, and pairs of links.
-_IN_PYTHON_ONLY = re.compile(r"^(?!obstacles|links|pairs)")
+_IN_PYTHON_ONLY = re.compile(r"^(?!obstacles|pairs)")
 RetargetingOptions = Annotated[
     RetargetingSettings, Parameter(name="*", group="Retargeting", parse=_IN_PYTHON_ONLY)
 ]

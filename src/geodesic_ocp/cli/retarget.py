@@ -90,9 +90,10 @@ def retarget(
             one for each --robot, or for each hand of a body.
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
             degrees about the vertical, to where most poses are within reach at least cost. fixed:
-            leave it there. By default, one robot without --alignment and --obstacle is moved if
-            poses are out of reach, or the motion is slow or fails. With --out, alignment.json says
-            where a moved robot stands (alignment_right.json and alignment_left.json for a body).
+            leave it there. By default, one robot without --alignment is moved if poses are out of
+            reach, or the motion is slow or fails. Its obstacles move with it. With --out,
+            alignment.json says where a moved robot stands (alignment_right.json and
+            alignment_left.json for a body).
         payload: mass in every hand [kg], at the origin of its frame, or MASS,x,y,z at another
             centre, or with its inertia MASS,x,y,z,ixx,iyy,izz[,ixy,ixz,iyz] about it [kg m^2].
         obstacle: box:x,y,z,sx,sy,sz[,roll,pitch,yaw], ball:x,y,z,radius,
@@ -294,7 +295,8 @@ def _summarize(result: Retargeting) -> None:
     faults = "; ".join(result.check.violations[:_FAULTS]) or "all conditions hold"
     near = result.check.clearance
     apart = "not known" if near is None else f"{near:.3g} m"
-    print(f"trajectory at {result.rate:g} Hz: {faults}; least distance of links: {apart}\n")
+    bodies = "links and obstacles" if result.settings.obstacles else "links"
+    print(f"trajectory at {result.rate:g} Hz: {faults}; least distance of {bodies}: {apart}\n")
     print(text(result.synergy_table()))
     print(
         "\nagainst inverse kinematics that tracks the whole path of the hand\n\n"

@@ -397,7 +397,7 @@ class ActiveRows(ShortRepr):
         return len(self.rows)
 
 
-def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> ActiveRows:
+def active_rows(clearance: Clearance, q: ArrayLike, margin: float | Array = 0.0) -> ActiveRows:
     """Return the distances that are too small at configurations q (k, N).
 
     A path is planned without constraints first, checked at many points, and planned again with
@@ -410,7 +410,7 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
     Args:
         clearance: the distances.
         q: configurations.
-        margin: added to the smallest distances allowed [m].
+        margin: added to the smallest distances allowed [m], to all or to each (m,).
 
     Raises:
         ValueError: q has the wrong shape.

@@ -44,6 +44,7 @@ _MOVEIT = {  # their names in files of MoveIt
     "jerk": "jerk",
     "torque": "effort",
 }
+_MOVING = 1.5  # times the torque that holds the arm, to move it
 _PLACEHOLDER = 1e5  # [rad/s or N m]: numbers in files from here on stand for no limit
 
 
@@ -389,3 +390,16 @@ def known_limits(model: Model) -> KnownLimits | None:
         return None
     pairs = zip(model.joint_names, known.joints, strict=True)
     return known if all(mine.endswith(published) for mine, published in pairs) else None
+
+
+def usable_torque(limit: Array, held: Array, share: float) -> Array:
+    """Return the torques (n,) that a motion may use: a share of the limits, or more where holding
+    the arm takes much of them; infinite where it takes more than the limit, as no motion helps.
+
+    Args:
+        limit: limits (n,) [N m or N].
+        held: magnitudes of the torques that hold the arm (n,).
+        share: above 0 and at most 1.
+    """
+    usable = np.maximum(share * limit, np.minimum(limit, _MOVING * held))
+    return np.where(held > limit, np.inf, usable)

@@ -23,7 +23,12 @@ from geodesic_ocp.arrays import (
     rotation_vector,
 )
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_start
+from geodesic_ocp.execution.limits import (
+    JointLimits,
+    checked_limits,
+    checked_start,
+    usable_torque,
+)
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.synergies.baselines import Poses
@@ -39,6 +44,8 @@ _FEWEST = 3  # steps: at rest, in motion, at rest
 _COARSE = 25.0  # [Hz], at which starts are compared
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
 _ACCURACY = 1e-10  # [rad/s or m/s], of speeds
+_GENTLY = 0.25  # where torques are limited as well: see `speed_bounds`
+_SOFT = 8  # DAQP's number of conditions that may be violated
 
 
 def track_within_limits(
@@ -175,6 +182,9 @@ class Tracker:
         posture_cost, smoothing: weight of the speeds towards it, squared, and of changes [s].
         solver: in place of DAQP.
         hands: names of the hands; empty: the hand of the model.
+        gravity: of free fall, in axes of the base (3,) [m/s^2]; None: torques and speeds of the
+            hands are not limited.
+        torque_share: share of the limits of torque that may be used, see `usable_torque`.
     """
 
     model: Model
@@ -186,6 +196,8 @@ class Tracker:
     smoothing: float = 1e-3
     solver: StepSolver | None = None
     hands: tuple[str, ...] = ()
+    gravity: Array | None = None
+    torque_share: float = 1.0
 
     def speeds(
         self,
@@ -195,6 +207,7 @@ class Tracker:
         position: Array,
         velocity: Array,
         left: int = _MANY,
+        force: Array | None = None,
     ) -> Array:
         """Return the speeds (n,) of the step that begins at q (n,), after those before it (n,).
 
@@ -203,6 +216,8 @@ class Tracker:
             rotation, position, velocity: pose of the target at its beginning, and velocity (6,)
                 during the step.
             left: number of steps after this one, in the last of which the arm is at rest.
+            force: torques (n,) at the beginning of the step before, whose rate of change is
+                limited; None: it is not.
         """
         hands = self.hands or (self.model.hand,)
         jacobian, way = evaluate(_tracking(self.model, self.rows, hands), q, rotation, position)
@@ -216,12 +231,50 @@ class Tracker:
             weight = self.posture_cost + change_cost + damped
             hessian = jacobian.T @ jacobian + weight * np.eye(self.model.dof)
             pulled = self.posture_cost * towards + change_cost * previous
-            found = box_least_squares(hessian, -(jacobian.T @ wanted + pulled), *bounds)
+            gradient, rows = -(jacobian.T @ wanted + pulled), self._conditions(q, previous, force)
+            found = box_least_squares(hessian, gradient, *bounds, rows)
         return np.asarray(np.clip(found, *bounds))
+
+    def braking(self, q: Array, previous: Array, force: Array | None = None) -> Array:
+        """Return the least speeds (n,) of the step that begins at q (n,), see `speeds`."""
+        n, bounds = self.model.dof, self.bounds(q, previous)
+        conditions = self._conditions(q, previous, force)
+        return box_least_squares(np.eye(n), np.zeros(n), *bounds, conditions)
+
+    def _conditions(
+        self, q: Array, previous: Array, force: Array | None
+    ) -> tuple[Array, Array, Array] | None:
+        """Return matrix (k, n) and bounds (k,) of the speeds of a step that begins at q (n,), which
+        limit torques at its beginning, their change, and the hands' speed in its direction.
+        """
+        if self.gravity is None:
+            return None
+        states = np.array([q, q]), np.array([0.0 * q, previous])
+        held, kept = self.model.inverse_dynamics(*states, np.zeros((2, q.size)), self.gravity)
+        upper = usable_torque(self.limits.torque, np.abs(held), self.torque_share)
+        lower = -upper
+        if force is not None:
+            change = self.step * self.limits.torque_rate
+            lower, upper = (
+                np.clip(each, force - change, force + change) for each in (lower, upper)
+            )
+        matrix = self.model.mass_matrix(q) / self.step
+        middle = matrix @ previous - kept
+        found = [(matrix, middle + lower, middle + upper)]
+        hands, largest = self.hands or (self.model.hand,), self.limits.hand_speed
+        moving = self.model.stacked_jacobians(hands, q).reshape(len(hands), 6, -1)[:, :3]
+        for jacobian in moving if np.isfinite(largest) else ():
+            row = (jacobian @ previous) @ jacobian
+            speed = float(np.linalg.norm(jacobian @ previous))
+            found.append((row[None], np.array([-np.inf]), np.array([largest * speed])))
+        rows, least, most = zip(*found, strict=True)
+        some = np.isfinite(np.concatenate(most))
+        return np.vstack(rows)[some], np.concatenate(least)[some], np.concatenate(most)[some]
 
     def bounds(self, q: Array, previous: Array, left: int = _MANY) -> tuple[Array, Array]:
         """Return `speed_bounds` of the step that begins at q (n,)."""
-        return speed_bounds(self.model, self.limits, self.step, q, previous, left)
+        share = 1.0 if self.gravity is None else _GENTLY
+        return speed_bounds(self.model, self.limits, self.step, q, previous, left, share)
 
 
 def _targets(
@@ -278,7 +331,13 @@ def _tracking(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca
 
 
 def speed_bounds(
-    model: Model, limits: JointLimits, step: float, q: Array, previous: Array, left: int
+    model: Model,
+    limits: JointLimits,
+    step: float,
+    q: Array,
+    previous: Array,
+    left: int,
+    share: float = 1.0,
 ) -> tuple[Array, Array]:
     """Return least and largest constant speed (n,) over a step, q_next = q + step v.
 
@@ -294,11 +353,15 @@ def speed_bounds(
         q: configuration at the beginning of the step (n,).
         previous: speed in the step before (n,).
         left: number of steps after this one, in the last of which the arm is at rest.
+        share: of the acceleration with which joints brake before the end of their range, and of the
+            way to their largest speed that they go in a step: less needs smaller torques.
     """
     change = (1.0 - _ROUNDING) * limits.acceleration * step  # of the speed from step to step
     largest = np.minimum((1.0 - _ROUNDING) * limits.velocity, left * change if left else 0.0)
-    up = np.minimum(largest, _braking(model.upper - _ROUNDING - q, change, step))
-    down = -np.minimum(largest, _braking(q - model.lower - _ROUNDING, change, step))
+    up = np.minimum(largest, _braking(model.upper - _ROUNDING - q, share * change, step))
+    down = -np.minimum(largest, _braking(q - model.lower - _ROUNDING, share * change, step))
+    up = np.where(up > previous, previous + share * (up - previous), up)
+    down = np.where(down < previous, previous + share * (down - previous), down)
     up, down = (np.clip(each, previous - change, previous + change) for each in (up, down))
     return np.minimum(down, up), up
 
@@ -317,7 +380,13 @@ def _braking(room: Array, change: Array, step: float) -> Array:
     return np.where(limited, np.minimum(room, np.min(found, axis=0)), room)
 
 
-def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Array) -> Array:
+def box_least_squares(
+    hessian: Array,
+    gradient: Array,
+    lower: Array,
+    upper: Array,
+    rows: tuple[Array, Array, Array] | None = None,
+) -> Array:
     """Return the x (n,) that minimizes x' H x / 2 + g' x subject to lower <= x <= upper.
 
     By DAQP (Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic
@@ -327,15 +396,18 @@ def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Arra
         hessian: H, symmetric and positive definite (n, n).
         gradient: g (n,).
         lower, upper: bounds (n,), which may be infinite or equal.
+        rows: matrix (k, n) and bounds (k,) of more conditions, each of which is violated, by as
+            little as possible, where the others do not allow it.
 
     Raises:
         NotConverged: DAQP finds no minimum, from rounding.
     """
-    size = gradient.size
-    no_rows, kinds = np.empty((0, size)), np.zeros(size, dtype=np.intc)
-    x, _, flag, _ = daqp.solve(
-        hessian, gradient, no_rows, upper, lower, kinds, primal_tol=_ACCURACY
-    )
-    if flag != 1:
+    matrix, kinds = np.empty((0, gradient.size)), np.zeros(gradient.size, dtype=np.intc)
+    least, most = lower, upper
+    if rows is not None:
+        matrix, least, most = rows[0], np.append(lower, rows[1]), np.append(upper, rows[2])
+        kinds = np.append(kinds, np.full(len(matrix), _SOFT, dtype=np.intc))
+    x, _, flag, _ = daqp.solve(hessian, gradient, matrix, most, least, kinds, primal_tol=_ACCURACY)
+    if flag not in (1, 2):  # 2: with soft conditions violated
         raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")
     return np.asarray(np.clip(x, lower, upper))

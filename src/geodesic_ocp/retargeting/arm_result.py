@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.motion_measures import (
     MotionMeasures,
     compare_with_tracking,
@@ -245,7 +246,8 @@ class RetargetedArm(PairedArm):
         a body, all its hands.
 
         It begins in that of several configurations with the first pose from which the hand follows
-        best; if a start was given, in that or in the nearest one with the pose.
+        best; if a start was given, in that or in the nearest one with the pose. If no configuration
+        near that pose is clear of obstacles, it begins where the synergies do.
         """
         if self.first is not None:
             return self.first.baseline
@@ -256,9 +258,12 @@ class RetargetedArm(PairedArm):
         starts, count = [start] if is_there else [], 1 if is_given else _STARTS
         if len(starts) < count:
             placed = settings.within_limits, settings.pose_weights, settings.collisions
-            starts += nearest_configurations(
-                self.bounded, start, pose, *placed, enough=count, settled=_ANYWHERE, least=count
-            )
+            try:
+                starts += nearest_configurations(
+                    self.bounded, start, pose, *placed, enough=count, settled=_ANYWHERE, least=count
+                )
+            except NotConverged:  # none near the pose is clear of obstacles
+                starts = [start]
 
         def poses(instants: Array) -> tuple[Array, Array]:
             # Robot time is a piecewise linear function of the recording's time.

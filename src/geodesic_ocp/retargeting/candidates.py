@@ -123,12 +123,21 @@ def _reached(layer: Candidates, waypoints: ArmWaypoints, number: int) -> Candida
 
 
 def candidates_near(waypoints: ArmWaypoints, starts: Array) -> list[Candidates]:
-    """Return configurations at all waypoints, each near one of its starts (m + 1, k, n)."""
+    """Return configurations at all waypoints, each near one of its starts (m + 1, k, n).
+
+    Those of a body have its waist upright as well as free, as free ones hardly have it in common,
+    and a waist may be too slow to change from one to the other.
+    """
     arm, weights, free = waypoints.arm, waypoints.row_weights, np.full(waypoints.arm.dof, np.inf)
-    bounds = (arm.lower, arm.upper) if waypoints.limited else (-free, free)
+    lower, upper = (arm.lower, arm.upper) if waypoints.limited else (-free, free)
     terms = step_terms(arm, waypoints.rows, waypoints.hands)
     p = np.array([[*pose.numbers, *np.eye(3).ravel()] for pose in waypoints.poses])
-    q, rows = search_each(terms, p, starts, bounds, weights)
+    bounds, still = [(lower, upper)], upright(arm)
+    if arm.shared_joints:
+        waist = np.isin(arm.joint_names, arm.shared_joints)
+        bounds.append((np.where(waist, still, lower), np.where(waist, still, upper)))
+    every = [search_each(terms, p, starts, each, weights) for each in bounds]
+    q, rows = (np.concatenate(each, axis=1) for each in zip(*every, strict=True))
     errors = np.abs(weights * rows).max(axis=2)
     errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
     found = []

@@ -7,7 +7,7 @@ The steps of one tick are all causal, and their delays are known:
    accelerations that it costs the robot.
 2. The pose of the hand there is mapped to the robot as in `retarget`.
 3. Inverse kinematics follows it in steps of constant speed, which keep the limits of position,
-   speed and acceleration (`Tracker`).
+   speed and acceleration, and as far as these allow of torque and of the hand's speed (`Tracker`).
 4. Two moving averages make these steps smooth, one over a step h and one over a time T. Limits are
    intervals, so that an average of motions within them is within them: the command keeps the limits
    as the steps do, and its jerk is at most 2 a / T, where a is the limit of acceleration. Averages
@@ -39,6 +39,7 @@ _POWERS = np.arange(3.0)[:, None]
 _BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
 _DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altogether
 _DEFAULT = RetargetingSettings()
+_WITHIN = 0.95  # of limits that are kept where a step begins, for what changes in it
 _GAP = 2.5  # steps without a sample, after which the person's motion begins anew
 
 
@@ -52,7 +53,6 @@ class LiveCommand(ShortRepr):
         time: since the first step began [s].
         position, velocity, acceleration: [rad or m], per second, per second squared.
         torque: of this state by inverse dynamics, with gravity as the robot is aligned [N m or N].
-            It is not limited: compare it with the limits.
     """
 
     time: float
@@ -66,10 +66,10 @@ class LiveRetargeting:
     """Retargeting of a person's motion while it goes on: a command for each sample.
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep the
-    limits of position, speed, acceleration and jerk, whatever the samples are. They lag behind by
-    `delay`, and by more where the limits do not allow the person's speed. Torques are reported
-    (`LiveCommand.torque`) and not limited; the speed of the hand, and distances between links or to
-    obstacles, are not considered. At the beginning, and after a gap, a parallel gripper takes the
+    limits of position, speed, acceleration and jerk, whatever the samples are. Limits of torque, of
+    its rate and of the hand's speed are kept where these allow it. Commands lag behind by `delay`,
+    and by more where the limits do not allow the person's speed. Distances between links or to
+    obstacles are not considered. At the beginning, and after a gap, a parallel gripper takes the
     nearer one of both grasps. Synergies of the person are those of the online rule (`segment`), as
     `segment_developed` needs the whole motion. They are closed as soon as it is certain (`cuts`):
     0.1 s after they end, mostly, and the filter's 0.1 s.
@@ -88,8 +88,8 @@ class LiveRetargeting:
         robot: the arm.
         start: configuration (n,) of the robot, in which it rests [rad or m].
         alignment, person_alignment, limits: see `retarget`.
-        settings: settings, of which `scale`, `mirror` and whether positions and orientations count
-            are used.
+        settings: settings, of which `scale`, `mirror`, `torque_share` and whether positions and
+            orientations count are used.
         rate: of the samples and of the commands [Hz].
         threshold: threshold of the online rule [rad], see `segment`.
 
@@ -128,7 +128,18 @@ class LiveRetargeting:
         placing, turning = settings.position_weight > 0.0, settings.orientation_weight > 0.0
         rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
         q = checked_start(robot, start)
-        self._tracker = Tracker(robot, self.limits, self._step, q, rows=rows)
+        self._gravity = gravity_on(target)
+        within = replace(
+            self.limits,
+            torque_rate=_WITHIN * self.limits.torque_rate,
+            hand_speed=_WITHIN * self.limits.hand_speed,
+        )
+        self._tracker = Tracker(
+            *(robot, within, self._step, q),
+            rows=rows,
+            gravity=self._gravity,
+            torque_share=settings.torque_share,
+        )
         limited = np.isfinite(self.limits.jerk)
         averaged = 2.0 * self.limits.acceleration[limited] / self.limits.jerk[limited]
         if not np.all(np.isfinite(averaged)):
@@ -148,9 +159,9 @@ class LiveRetargeting:
         self._time, self._ticks = -np.inf, 0
         self._begin, self._counted = 0.0, 0  # of steps without a pause, to check their rate
         self._target = q  # configuration after the steps of constant speed
-        self._gravity = gravity_on(target)
         self._speeds = deque(np.zeros((self._count + 1, robot.dof)), maxlen=self._count + 1)
         self.command = self._command(0.0, q, np.zeros(robot.dof), np.zeros(robot.dof))
+        self._force = self.command.torque  # where the last step of constant speed began
 
     def __repr__(self) -> str:
         arms = f"{self.person.name} on {self.robot.name}"
@@ -200,9 +211,12 @@ class LiveRetargeting:
             turning = (turn - turn.T)[[2, 0, 1], [1, 2, 0]] / 2.0  # of small angles
             velocity = np.append(positions[1] - positions[0], turning) / self._step
             pose = rotations[0], positions[0]
-            speeds = self._tracker.speeds(self._target, before, *pose, velocity)
+            speeds = self._tracker.speeds(self._target, before, *pose, velocity, force=self._force)
         else:
-            speeds = np.clip(0.0, *self._tracker.bounds(self._target, before))
+            speeds = self._tracker.braking(self._target, before, self._force)
+        self._force = self.robot.inverse_dynamics(
+            self._target, before, (speeds - before) / self._step, self._gravity
+        )
         self._target = self._target + self._step * speeds
         self._speeds.append(speeds)
         self.command = self._smoothed()

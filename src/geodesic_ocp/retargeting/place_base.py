@@ -15,7 +15,7 @@ from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.pose_search import stacked_error
+from geodesic_ocp.ocp.pose_search import rotation_log, stacked_error
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.candidates import (
     Candidates,
@@ -35,6 +35,7 @@ from geodesic_ocp.retargeting.paired_arm import (
     has_elbow,
     middle_of_ranges,
     upright,
+    waist_turn,
 )
 from geodesic_ocp.retargeting.pairing import paired_arms
 from geodesic_ocp.retargeting.paths_program import TOO_NEAR, distance_terms, linear_terms
@@ -60,7 +61,9 @@ _ROUGHLY = 8  # from so many starts; for the best of these, from as many as else
 # The best one is improved until all poses are within reach, with these factors of positions: the
 # first, or all where the scale is left to `retarget`.
 _ALONE, _FACTORS = 2, (1.0, 1.0, 0.95, 0.9)
-_NEAR = 0.02  # [m] above its bound from which on a distance enters the program
+# From how far above its bound on a distance enters the program, [m] and by its bound: of links that
+# are always close, which have a small one, it would take long to say whether they are closer.
+_NEAR, _NEAR_BOUND = 0.02, 2.0
 _APART = 4  # programs at most, with more and more distances
 _TOLERANCE = 1e-6
 _WITHIN = 1e-4  # [m] and [rad]
@@ -415,11 +418,15 @@ class _BaseSearch:
             rows = first + np.arange((arm.count + 1) * n).reshape(-1, n)
             first += rows.size
             for number, (row, pose) in enumerate(zip(rows, arm.poses, strict=True)):
-                offset = np.zeros(3) if arm.offsets is None else arm.offsets[number][:3]
-                likeness = 0.0 if arm.offsets is None else weights.likeness / (arm.count + 1)
-                posture = weights.posture / (arm.count + 1)
-                parts = (pose.numbers, centre, base.ravel(order="F"), offset)
-                values.append(np.hstack([*parts, likeness, posture]))
+                offset, likeness = np.zeros(3 * len(arm.hands)), 0.0
+                if arm.offsets is not None:
+                    offset, likeness = arm.offsets[number], weights.likeness
+                thorax, as_turned = np.eye(3), 0.0
+                if arm.turns is not None:
+                    thorax, as_turned = arm.turns[number], weights.likeness
+                costs = np.array([likeness, weights.posture, as_turned]) / (arm.count + 1)
+                axes = base.ravel(order="F"), thorax.ravel(order="F")
+                values.append(np.hstack([pose.numbers, centre, offset, *axes, costs]))
                 places.append([0, 1, 2, 3, *row])
             for number, duration in enumerate(arm.durations):
                 late = duration * weights.stretch / weights.duration
@@ -431,7 +438,7 @@ class _BaseSearch:
         exact = np.zeros(misses.shape)
         blocks = [
             Block(
-                _pose_terms(arm.arm, arm.hands, aligned[0], arm.rows, torque),
+                _pose_terms(arm.arm, arm.hands, aligned, arm.rows, torque),
                 np.hstack([places, misses]),
                 np.array(values),
                 exact,
@@ -465,9 +472,11 @@ class _BaseSearch:
         """
         if self.clearance is None:
             return {}
-        active = active_rows(self.clearance, q, _NEAR)
+        near = np.minimum(_NEAR, _NEAR_BOUND * self.clearance.lower)
+        active = active_rows(self.clearance, q, near)
         pairs = zip(active.samples.tolist(), active.rows.tolist(), strict=True)
-        return dict(zip(pairs, (active.lower - _NEAR + BEYOND).tolist(), strict=True))
+        lower = active.lower - near[active.rows] + BEYOND
+        return dict(zip(pairs, lower.tolist(), strict=True))
 
     def _distances(self, rows: Mapping[tuple[int, int], float], first: int) -> list[Block]:
         """Return the blocks of distances, whose slacks are the variables from `first` on."""
@@ -531,18 +540,18 @@ def _yawed(angle: float | ca.SX) -> ca.SX | Array:
 def _pose_terms(
     robot: Model,
     hands: tuple[str, ...],
-    alignment: Alignment,
+    alignments: tuple[Alignment, ...],
     rows: tuple[int, ...],
     torque: tuple[float, ...],
 ) -> Terms:
-    """Return pose errors, posture and weak joints in place and configuration, and of a single arm
-    the elbow's error; p as in `_polished`.
+    """Return pose errors, posture, weak joints, and the errors of elbows and waist, in place and
+    configuration; p as in `_polished`.
     """
     count = len(hands)
-    edges = np.cumsum([0, 3 * count, 9 * count, 3, 9, 3, 2]).tolist()
+    edges = np.cumsum([0, 3 * count, 9 * count, 3, 3 * count, 9, 9, 3]).tolist()
     place, q, p = ca.SX.sym("place", 4), ca.SX.sym("q", robot.dof), ca.SX.sym("p", edges[-1])
-    positions, rotations, centre, base, offset, weights = ca.vertsplit(p, edges)
-    base = ca.reshape(base, 3, 3)
+    positions, rotations, centre, offsets, base, thorax, weights = ca.vertsplit(p, edges)
+    base, thorax = ca.reshape(base, 3, 3), ca.reshape(thorax, 3, 3)
     turned = base @ _yawed(-place[3])
     turn, moved = turned @ base.T, centre - turned @ place[:3]
     position = ca.vertcat(*(moved + turn @ (x - centre) for x in ca.vertsplit(positions, 3)))
@@ -553,10 +562,15 @@ def _pose_terms(
     middle, half = middle_of_ranges(robot)
     missed = ca.SX.sym("missed", len(rows))
     cost = ca.sumsqr(missed) / 2.0 + weights[1] * ca.sumsqr((q - middle) / half) / robot.dof
-    cost += weakness(robot, q, torque, gravity_on(alignment))
-    if count == 1 and has_elbow(robot, alignment):
-        own = elbow_offset(robot, alignment, q, moved)
-        cost += weights[0] * ca.sumsqr(own - turn @ offset)
+    cost += weakness(robot, q, torque, gravity_on(alignments[0]))
+    for alignment, offset in zip(alignments, ca.vertsplit(offsets, 3), strict=True):
+        if has_elbow(robot, alignment):
+            shoulder = moved + turn @ (np.asarray(alignment.shoulder) - centre)
+            off = elbow_offset(robot, alignment, q, shoulder) - turn @ offset
+            cost += weights[0] / count * ca.sumsqr(off)
+    if robot.shared_joints:
+        beside = turn @ thorax.T @ turn.T @ waist_turn(robot, q)
+        cost += weights[2] * ca.sumsqr(rotation_log(beside))
     return Terms(ca.vertcat(place, q, missed), p, cost, error - missed / _EXACT)
 
 

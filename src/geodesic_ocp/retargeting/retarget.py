@@ -16,7 +16,7 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits, usable_torque
 from geodesic_ocp.execution.plan_trajectory import plan_trajectory
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
@@ -56,9 +56,6 @@ from geodesic_ocp.synergies.analyse import Analysis
 _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6
 _RATE = 100.0  # [Hz]
-# Where holding the arm takes much of a joint's torque, it gets this many times as much as that, up
-# to its limit.
-_MOVING = 1.5
 _WORTH = 0.85  # of the cost through candidates, from which a turned gripper is tried first
 _SLOW, _SLOWEST = 1.5, 2.5  # times the person's time, of the motion and of a synergy: too slow
 
@@ -112,9 +109,10 @@ def retarget(
             several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
             out of reach, or links too near or joints too weak at them, the base of one robot is
             moved to where most are attained (`place_base`); if the motion takes 1.5 times the
-            person's time, or a synergy 2.5 times, to where it is quicker. If it does so there as
-            well, and its arm is longer than the person's, positions are not scaled. Not if a start,
-            obstacles or a problem of one's own are given.
+            person's time, or a synergy 2.5 times, to where it is quicker. If it is slow or fails
+            there as well, and its arm is longer than the person's, positions are not scaled.
+            Obstacles, in the frame of the base, move with it. Not if a start or a problem of one's
+            own is given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -212,7 +210,7 @@ def retarget_arms(
     plan = _Plan(clearance, rate, tolerance, throw, report)
     if settings.constrained:
         bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]
-        movable = len(bodies) == 1 and problem is SynergyPaths and not settings.obstacles
+        movable = len(bodies) == 1 and problem is SynergyPaths
         movable &= settings.position_weight > 0.0
         movable &= all(each is None for given in (alignments, starts) for each in given or ())
         result, notes = plan.of_robot(bodies[0]) if movable else plan.constrained(pairs, problem)
@@ -260,19 +258,22 @@ class _Plan:
     report: Progress
 
     def of_robot(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
-        """Return the motion of one robot, moved if need be; where it is too slow all the same, as a
-        longer arm magnifies the person's motion, with positions as they are.
+        """Return the motion of one robot, moved if need be; where it is too slow or fails all the
+        same, as a longer arm magnifies the person's motion, with positions as they are.
         """
         found, scale = self._moved(pair), pair.mapping.scale
-        if pair.settings.scale is not None or scale <= 1.0 or _slowness(found[0]) <= 1.0:
+        fails = not found[0].success
+        if pair.settings.scale is not None or scale <= 1.0:
+            return found
+        if not fails and _slowness(found[0]) <= 1.0:
             return found
         result, notes = replace(self, throw=False)._moved(pair.scaled(1.0 / scale))
         if _success(result) >= _success(found[0]):
             return found
         note = (
             f"positions of {pair.robot.name} are scaled by {result.arms[0].mapping.scale:.3g}, as "
-            f"its motion is slow with the ratio of the arms' lengths (--scale {scale:.3g}): "
-            f"{found[0].stretch:.3g} times the person's time, now {result.stretch:.3g}"
+            f"its motion {'fails' if fails else 'is slow'} with the ratio of the arms' lengths "
+            f"(--scale {scale:.3g}): {_times(found[0])}; now {_times(result)}"
         )
         return result, [note, *notes]
 
@@ -309,9 +310,10 @@ class _Plan:
     def _at(self, pair: PairedArm, placement: BasePlacement) -> tuple[Retargeting, list[str]]:
         """Return the motion from another place."""
         result, notes = self.constrained(list(pair.of_hands), SynergyPaths, None, placement)
+        them = ", with its obstacles" if pair.settings.obstacles else ""
         note = (
-            f"{pair.robot.name} is moved, as {placement.reason}: {placement}. To keep it where its "
-            "alignment has it, pass that alignment (--mount fixed)"
+            f"{pair.robot.name} is moved{them}, as {placement.reason}: {placement}. To keep it "
+            "where its alignment has it, pass that alignment (--mount fixed)"
         )
         return result, [note, *notes]
 
@@ -395,9 +397,20 @@ class _Plan:
 
 def _slowness(result: Retargeting) -> float:
     """Return how much slower than the person it is, above 1 if too slow."""
+    return max(result.stretch / _SLOW, _slowest(result) / _SLOWEST)
+
+
+def _slowest(result: Retargeting) -> float:
+    """Return how many times the person's time the slowest synergy takes."""
     planned = result.planned
-    slowest = np.max(np.diff(planned.robot_edges) / np.diff(planned.edges))
-    return float(max(planned.stretch / _SLOW, slowest / _SLOWEST))
+    return float(np.max(np.diff(planned.robot_edges) / np.diff(planned.edges)))
+
+
+def _times(result: Retargeting) -> str:
+    """Return how many poses it misses and how many times the person's time it takes, in words."""
+    missed = sum(len(arm.missed) for arm in result.arms)
+    slowest = f"the slowest synergy {_slowest(result):.3g} times"
+    return f"{missed} poses missed, {result.stretch:.3g} times the person's time, {slowest}"
 
 
 def _success(result: Retargeting) -> tuple[bool, int, float]:
@@ -429,9 +442,7 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer], notes: list[str
             f"{needed[joint]:.3g} of {limit[joint]:.3g} "
             f"{'N m' if robot.units[joint] == 'rad' else 'N'}; the motion uses more"
         )
-    torque = np.maximum(share * limit, np.minimum(limit, _MOVING * needed))
-    torque = np.where(needed > limit, np.inf, torque)
-    limits = replace(pair.limits, torque=torque)
+    limits = replace(pair.limits, torque=usable_torque(limit, needed, share))
     return ArmPaths(robot, limits, pair.edges, paths, pair.gravity, pair.progress)
 
 

@@ -19,7 +19,7 @@ from geodesic_ocp.arrays import (
     as_positive,
 )
 from geodesic_ocp.execution.clearance import Clearance, joined_clearance, keep_clear
-from geodesic_ocp.execution.link_pairs import link_pairs
+from geodesic_ocp.execution.link_pairs import link_pairs, sampled_configurations
 from geodesic_ocp.logarithm.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
@@ -202,6 +202,7 @@ class RetargetingSettings(ShortRepr):
 
 _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
 BEYOND = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
+_MANY = 256  # configurations, in one of which a link must not overlap an obstacle
 _LESS = BEYOND  # [m] by which it may come nearer than the capsules on a path
 
 
@@ -214,7 +215,8 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     they must not touch.
 
     Raises:
-        ValueError: links or pairs without collision bodies.
+        ValueError: links or pairs without collision bodies, or an obstacle that a link
+            overlaps in any configuration.
     """
     if not settings.constrained:
         return None
@@ -228,9 +230,21 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
             distances = signed_distances(robot, own, obstacles, links=links, pairs=pairs)
             if distances:
                 function = ca.Function("distances", [q], [ca.vertcat(*distances.values())])
+                if obstacles:
+                    _check_obstacles(function, robots, tuple(distances))
                 found.append(Clearance(function, np.full(len(distances), margin), tuple(distances)))
         first += robot.dof
     return joined_clearance(found, q.numel()) if found else None
+
+
+def _check_obstacles(distances: ca.Function, robots: Sequence[Model], names: Sequence[str]) -> None:
+    """Raise a ValueError if a link and an obstacle overlap in all of many configurations."""
+    largest = distances(sampled_configurations(robots, _MANY).T).full().max(axis=1)
+    if always := [name for name, most in zip(names, largest, strict=True) if most < 0.0]:
+        raise ValueError(
+            f"obstacles: overlap in each of {_MANY} configurations: {', '.join(always)}; give them "
+            "in the frame of the robot's base, and the links to be kept clear (--links)"
+        )
 
 
 @lru_cache(maxsize=8)
