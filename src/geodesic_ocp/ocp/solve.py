@@ -396,7 +396,7 @@ class _Search:
         if self.grid is not None and self.tolerance is None:
             return meeting_conditions(first, "leave grid out, or set tolerance")
         own = self._grids(guess)[1]
-        is_coarse = first.path.grid.segments < own.segments
+        is_coarse, anew = first.path.grid.segments < own.segments, True
         if is_coarse and first.stats.success:
             found = first
             if self.tolerance is None:
@@ -404,13 +404,16 @@ class _Search:
             found = self._refined(found, guess)
             if found.stats.success or found.stats.status == STOPPED:
                 return found
+            anew = self.tolerance is not None  # if not, that has failed already, on these grids
         if is_coarse:
             first = self.solver.solve_from(own, guess)
-        return _same(first, others) or self._refined(first, guess)
+        return _same(first, others) or self._refined(first, guess, anew)
 
-    def _refined(self, first: Solution, guess: Path | Solution | None) -> Solution:
+    def _refined(
+        self, first: Solution, guess: Path | Solution | None, anew: bool = True
+    ) -> Solution:
         samples = path_samples(self.solver.conditions)
-        return refine(self.solver, samples, first, self.tolerance, guess)
+        return refine(self.solver, samples, first, self.tolerance, guess, anew)
 
 
 def _same(one: Solution, others: Sequence[Solution]) -> Solution | None:
