@@ -20,7 +20,8 @@ from geodesic_ocp.ocp.violations import joined, left_out, may_become_active, pat
 from geodesic_ocp.trajectory.path import Path
 
 _CLEAR, _MET = 1e-2, 1e-3  # violations anywhere on a path, and at the nodes of an unfinished step
-_RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.25  # [rad or m]
+_RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.25  # [rad or m], in problems as large as a robot's
+_LARGE = 10.0  # extent of a path [rad or m] that is larger than a robot's
 _WIDER, _NARROWER = 1.3, 1.5  # factors
 _SHARES = 1.0, 0.5, 0.25  # of a step, of which the longest that is clear is taken
 _STEPS, _MOST_SEGMENTS = 40, 64
@@ -37,6 +38,11 @@ def is_at_edge(before: Path, after: Path, radius: float) -> bool:
     return bool(np.abs(after.nodes - before.nodes).max() > _EDGE * radius)
 
 
+def size_of(path: Path) -> float:
+    """Return 1, or the factor by which a path is larger than those of robots."""
+    return max(1.0, float(np.ptp(path.nodes, axis=0).max()) / _LARGE)
+
+
 def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
     """Return the solution that short steps from a clear path lead to, or the last iterate.
 
@@ -45,7 +51,8 @@ def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
     """
     conditions = definition.conditions
     samples = path_samples(conditions)
-    radius, kept = _RADIUS, may_become_active(conditions, path)
+    size, kept = size_of(path), may_become_active(conditions, path)
+    radius = _RADIUS * size
     before: Solution | None = None
     last: Solution | None = None
     for _ in range(_STEPS):
@@ -70,7 +77,7 @@ def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
             if not is_whole:
                 radius /= _NARROWER
             elif is_held:
-                radius = min(_WIDER * radius, _MOST)
+                radius = min(_WIDER * radius, _MOST * size)
             before = found if is_whole and stats.success else None
             kept = joined(missing, may_become_active(conditions, path))
             continue
@@ -81,7 +88,7 @@ def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
                 radius /= _NARROWER
             else:
                 path = Path(path.metric, grid := halved(path.grid, coarse), path(grid.nodes))
-        if radius < _LEAST:
+        if radius < _LEAST * size:
             break
         kept = joined(kept, missing, may_become_active(conditions, path))
     assert last is not None

@@ -17,7 +17,7 @@ from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Re
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
-from geodesic_ocp.ocp.descent import descend, is_at_edge
+from geodesic_ocp.ocp.descent import descend, is_at_edge, size_of
 from geodesic_ocp.ocp.guesses import FEW, Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
@@ -237,7 +237,6 @@ _ATTEMPTS = 6  # guesses, if none leads to a solution
 # Iterations of Ipopt after which no other guess is tried, and among many bodies, where each takes
 # long, no other program; those with more variables count for more.
 _MOST_ITERATIONS, _VARIABLES = 2000, 500
-_SPENT = f"no solution was found in {_MOST_ITERATIONS} iterations of Ipopt"
 # Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
 # jump through them.
 _AROUND = 3e-2
@@ -456,7 +455,10 @@ class _Solver:
         is_near = isinstance(guess, Solution)
         given = guess.path if isinstance(guess, Solution) else guess
         path = self.definition.initial_path(grid, given)
-        within, share = (_WITHIN, _NEARBY) if is_near else (np.inf, MAY_CHANGE)
+        within, share = np.inf, MAY_CHANGE
+        if is_near:
+            within, share = _WITHIN * size_of(path), _NEARBY
+        farthest = _FARTHEST / _WITHIN * within
         first = self.definition.restricted(joined(known, may_become_active(whole, path, share)))
         tolerance = _LOOSE if self.tolerance == _TIGHT else self.tolerance
 
@@ -485,7 +487,7 @@ class _Solver:
                 within /= _GROWTH
                 return found, (more, path if is_near else guess)
             path = found.path
-            within *= _GROWTH if is_held and within < _FARTHEST else 1.0
+            within *= _GROWTH if is_held and within < farthest else 1.0
             return found, (more, found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
@@ -523,7 +525,8 @@ class _Solver:
                 warm = {**NEAR, **_WARM_START}
                 if self.within < np.inf:
                     warm["mu_init"] = _SMALL_BARRIER
-                if nlp.violation > _CHANGED or _WITHIN < self.within < np.inf:
+                is_first = self.within in (np.inf, _WITHIN * size_of(guess.path))
+                if nlp.violation > _CHANGED or not is_first:
                     warm["mu_init"] = _MODERATE_BARRIER
                 found = self._solve_nlp(nlp, warm, multipliers)
                 if not found.stats.success and found.stats.status != STOPPED:
@@ -594,7 +597,8 @@ class _Solver:
             outcome = _ipopt(nlp.transcription, settings)(**values)
         self.spent.append(int(outcome.iterations * max(1.0, outcome.x.size / _VARIABLES)))
         if is_spent and not outcome.success:
-            outcome = replace(outcome, status=_SPENT)
+            status = f"no solution was found in {_MOST_ITERATIONS} iterations of Ipopt"
+            outcome = replace(outcome, status=status)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)
