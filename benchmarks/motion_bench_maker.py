@@ -454,10 +454,10 @@ def table(records: list[dict[str, Any]], routes: list[str]) -> str:
                 tried = [each[route] for each in feasible if route in each]
                 good = [each for each in tried if each.get("free")]
                 wrong = sum(each["solved"] for each in tried) - len(good)
-                times = [each["seconds"] for each in good]
+                times = [each["seconds"] for each in tried]
                 text = f"{len(good)}"
                 text += f" ({wrong} in collision)" if wrong else ""
-                text += ", {:.2g}, {:.2g}".format(*np.quantile(times, [0.5, 0.95])) if good else ""
+                text += ", {:.2g}, {:.2g}".format(*np.quantile(times, [0.5, 0.95])) if times else ""
                 cells.append(text)
             best = [(each, _best(each, routes)) for each in planned]
             both = [(each["planned"], found) for each, found in best if found]
@@ -480,28 +480,39 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="the unpacked package vamp-planner")
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--scenes", nargs="+", help="all by default")
-    parser.add_argument("--count", type=int, default=10, help="of the 100 of each scene, evenly")
+    parser.add_argument(
+        "--count", type=int, default=10, help="of the 100 of each scene, evenly; 0: print the table"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the planner")
     parser.add_argument("--samples", type=int, default=20000, help="of the planner, at most")
     parser.add_argument("--routes", nargs="+", choices=ROUTES, default=list(ROUTES[:3]))
     parser.add_argument("--num-starts", type=int, default=4)
-    parser.add_argument("--out", type=Path, help="file for all records, one JSON object a line")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path(__file__).parent / "results" / "motion_bench_maker.jsonl",
+        help="file for records, a JSON object a line; problems of which it has one are not run",
+    )
     options = parser.parse_args()
     if not (options.folder / "resources").is_dir():
         print(f"skipped: {options.folder} is not the unpacked package vamp-planner")
         return
     numbers = [1 + 100 * each // options.count for each in range(options.count)]
-    records = []
-    for name in options.robots:
-        robot = Robot(options.folder, name)
-        tasks = read_tasks(robot.folder / "problems.tar.bz2", robot.joints, numbers)
-        for task in sorted(tasks, key=lambda each: each.number):
-            if options.scenes is None or task.scene in options.scenes:
-                records.append(run(robot, task, options))
-                if options.out:
-                    with options.out.open("a") as file:
-                        file.write(json.dumps(records[-1]) + "\n")
-    records.sort(key=lambda each: (options.robots.index(each["robot"]), each["scene"]))
+    lines = options.out.read_text().splitlines() if options.out.exists() else []
+    records = [json.loads(each) for each in lines]
+    done = {(each["robot"], each["scene"], each["number"]) for each in records}
+    tasks = []
+    for robot in [Robot(options.folder, name) for name in options.robots] if numbers else []:
+        archive = robot.folder / "problems.tar.bz2"
+        tasks += [(robot, task) for task in read_tasks(archive, robot.joints, numbers)]
+    options.out.parent.mkdir(exist_ok=True)
+    for robot, task in sorted(tasks, key=lambda each: each[1].number):
+        is_wanted = options.scenes is None or task.scene in options.scenes
+        if is_wanted and (robot.name, task.scene, task.number) not in done:
+            records.append(run(robot, task, options))
+            with options.out.open("a") as file:
+                file.write(json.dumps(records[-1]) + "\n")
+    records.sort(key=lambda each: (list(ROBOTS).index(each["robot"]), each["scene"]))
     print(table(records, options.routes))
 
 

@@ -52,6 +52,36 @@ def test_conditions_are_added_where_a_path_violates_them(monkeypatch: pytest.Mon
         assert np.linalg.norm(path - centre, axis=1).min() >= radius - 2e-6
 
 
+WALL = tuple((0.0, 0.8 - 0.05 * k) for k in range(40))
+
+
+def beside_wall() -> tuple[PlaneAmongDiscs, go.Path]:
+    """A thin wall between start and goal, and a path far around its upper end."""
+    problem = PlaneAmongDiscs(centres=WALL, radii=(0.03,) * len(WALL))
+    return problem, go.Path.through(problem.metric, [(-1.0, 0.0), (0.0, 2.0), (1.0, 0.0)])
+
+
+def test_a_path_beside_thin_bodies_does_not_jump_over_them() -> None:
+    """It becomes the shortest one on its side: two tangents of the last disc, and an arc."""
+    problem, guess = beside_wall()
+    solution = go.solve(problem, guess=guess)
+    q = solution.path(np.linspace(0.0, 1.0, 5001))
+    assert np.linalg.norm(q[:, None] - WALL, axis=2).min() > 0.03 - 1e-4
+    apart, up = np.hypot(1.0, 0.8), np.arctan2(0.8, 1.0)
+    turn = 2.0 * (up + np.arcsin(0.03 / apart))
+    shortest = 2.0 * np.sqrt(apart**2 - 0.03**2) + 0.03 * turn
+    assert solution.path.length == pytest.approx(shortest, rel=1e-4)
+
+
+def test_a_search_among_many_bodies_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, guess = beside_wall()
+    needed = go.solve(problem, guess=guess).stats.total_iterations
+    monkeypatch.setattr(solve_module, "_MOST_ITERATIONS", needed // 2)
+    with pytest.raises(go.NotConverged, match=f"in {needed // 2} iterations") as error:
+        go.solve(problem, guess=guess)
+    assert error.value.solution.stats.total_iterations < needed  # type: ignore[attr-defined]
+
+
 def test_distances_of_one_body_share_their_derivatives(arm: go.Model) -> None:
     """Balls and capsules are numbers of one function, whose rows are those of the distances."""
     balls = [go.Ball((0.1 * k, 0.5, 0.1), 0.05, name=f"ball {k}") for k in range(3)]

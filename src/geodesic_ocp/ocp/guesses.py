@@ -45,6 +45,7 @@ _LONGEST = 0.3  # step of a node [rad or m]
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
 # The planner.
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 150
+_AMONG_MANY = 3  # times as many samples among many bodies, where the straight line leads nowhere
 _REACH = 1.5  # [rad or m]: longest line towards a sample
 _NEARBY = 0.2  # of the range of a constraint's values: nearer ones count
 _SPACING = 0.05  # [rad or m] between checks along a line
@@ -274,10 +275,12 @@ class Guesses:
                 if _is_new(q, seen):
                     self.tried.append(f"random detour {number + 1}")
                     yield self.tried[-1], Path.through(metric, q)
+        is_quick = len(self.definition.conditions.along_q) <= FEW
+        samples = _SAMPLES if is_quick else _AMONG_MANY * _SAMPLES
         for number in range(_PLANS):
-            waypoints = connect(space, starts, goals, box, rng)
+            waypoints = connect(space, starts, goals, box, rng, samples)
             if waypoints is None:
-                self.tried.append(f"a sampling planner that found no path in {_SAMPLES} samples")
+                self.tried.append(f"a sampling planner that found no path in {samples} samples")
                 return
             waypoints = shortcut(space, waypoints, rng)
             if np.isfinite(_energy(metric, waypoints)):
@@ -424,12 +427,13 @@ def connect(
     goals: Array,
     box: tuple[Array, Array],
     rng: np.random.Generator,
+    samples: int,
 ) -> Array | None:
     """Return free waypoints (m, n) from one of the starts to one of the goals; None if none were
-    found.
+    found with so many samples.
     """
     trees = _Tree(starts), _Tree(goals)
-    for number in range(_SAMPLES):
+    for number in range(samples):
         one, other = trees[number % 2], trees[1 - number % 2]
         sample = rng.uniform(*box) if number > 1 else other.q[0]
         node, _ = one.grow(space, sample, _REACH)

@@ -37,7 +37,7 @@ _FRACTION = 0.1
 # Times that a segment is halved in one round; grids have a multiple of this number of segments.
 _MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.
-_PATIENCE, _WORSE = 3, 1.2
+_PATIENCE, _WORSE = 2, 1.2
 
 
 class SolveOn(Protocol):
@@ -53,6 +53,7 @@ def refine(
     first: Solution,
     tolerance: float | None,
     guess: Path | Solution | None,
+    anew: bool = True,
 ) -> Solution:
     """Return the solution on a grid fine enough for the tolerance.
 
@@ -68,6 +69,7 @@ def refine(
             relative change of the objective from one grid to the next. None: the conditions hold
             to `BETWEEN_NODES`, whatever the objective.
         guess: initial guess.
+        anew: whether the search restarts if it diverges.
 
     If the grid becomes too large or a solve fails, `stats.success` is False.
     """
@@ -76,7 +78,7 @@ def refine(
     solution = _halved_until_fine(solve_on, samples, _recorded(first), tolerance)
     if solution.stats.success or solution.stats.status == STOPPED or not first.stats.success:
         return solution
-    if isinstance(guess, Path) and tolerance is None:
+    if not anew or (isinstance(guess, Path) and tolerance is None):
         return solution  # it was on finer grids before
     grid = first.path.grid
     path = guess.path if isinstance(guess, Solution) else guess

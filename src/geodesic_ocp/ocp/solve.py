@@ -17,6 +17,7 @@ from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Re
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
+from geodesic_ocp.ocp.descent import descend, is_at_edge, size_of
 from geodesic_ocp.ocp.guesses import FEW, Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
@@ -31,6 +32,7 @@ from geodesic_ocp.ocp.refinement import (
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import (
+    MAY_CHANGE,
     Kept,
     find_violations,
     joined,
@@ -48,6 +50,7 @@ _MANY = 16
 _MOST_SEGMENTS = 32  # on which a guess is solved anew, as it led through obstacles on fewer
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 _LOOSE, _MODERATE, _TIGHT = 1e-6, 1e-8, 1e-10
+_MOVES = "each program still moves the path by as much as it may"
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
 _STEP = 0.1
@@ -63,6 +66,14 @@ NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 # From a path beside obstacles it stays on their side; on `NEAR` it stops at the first optimum.
 _BESIDE = {**NEAR, "mu_init": 1e-3}
 _FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
+# Among many bodies, nodes of a solution move by at most this [rad or m] from one program to the
+# next, `_GROWTH` times as far where they did: from a small barrier, Ipopt's first steps may lead
+# far away, and through thin bodies.
+_WITHIN, _FARTHEST, _GROWTH = 0.02, 0.1, 3.0
+_NEARBY = 0.03  # rows for such steps: bounds within this share of the range of a condition's values
+_SMALL_BARRIER = 1e-6  # from a solution on a coarser grid among many bodies
+_STRAYS = 2  # solves from a path whose solutions jump through bodies, before other grids are tried
+_FEW_ITERATIONS = 100  # of Ipopt, for one step of a descent
 _SAME = 1e-5  # relative difference of the objectives of one solution on one grid
 # If there are multipliers as well, it need not estimate them.
 _WARM_START = {
@@ -196,7 +207,8 @@ def solve(
         tolerance = as_positive("tolerance", tolerance)
         _check_refinable(conditions)
     settings, tight = dict(ipopt or {}), _ipopt_tolerance(tolerance)
-    solver = _Solver(problem, definition, conditions, settings, callback, tight)
+    is_bounded = len(conditions.along_q) > FEW and num_starts == 1
+    solver = _Solver(problem, definition, conditions, settings, callback, tight, is_bounded)
     first = definition.grid if grid is None else grid
 
     search = _Search(solver, grid, tolerance)
@@ -222,7 +234,9 @@ def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Arr
 
 
 _ATTEMPTS = 6  # guesses, if none leads to a solution
-_MOST_ITERATIONS = 2000  # of Ipopt, after which no other guess is tried
+# Iterations of Ipopt after which no other guess is tried, and among many bodies, where each takes
+# long, no other program; those with more variables count for more.
+_MOST_ITERATIONS, _VARIABLES = 2000, 500
 # Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
 # jump through them.
 _AROUND = 3e-2
@@ -340,6 +354,10 @@ class _Search:
         solver = self.solver if first is own else replace(self.solver, tolerance=_LOOSE)
         solution = solver.solve_from(first, guess)
         is_path = isinstance(guess, Path) and self.grid is None and not self.solver.conditions.via
+        strays = solution.stats.max_path_violation > _FEASIBLE
+        fails = is_path and (strays or not solution.stats.success)
+        if fails and (path := self.solver.among_bodies(own, guess)) is not None:
+            return with_effort_of(solution.stats, self.solver.descend(path))
         while is_path and solution.stats.max_path_violation > _FEASIBLE:
             first = own if first is not own else halved(own, np.ones(own.segments, dtype=bool))
             if not solution.stats.success or first.segments > _MOST_SEGMENTS:
@@ -377,7 +395,7 @@ class _Search:
         if self.grid is not None and self.tolerance is None:
             return meeting_conditions(first, "leave grid out, or set tolerance")
         own = self._grids(guess)[1]
-        is_coarse = first.path.grid.segments < own.segments
+        is_coarse, anew = first.path.grid.segments < own.segments, True
         if is_coarse and first.stats.success:
             found = first
             if self.tolerance is None:
@@ -385,13 +403,16 @@ class _Search:
             found = self._refined(found, guess)
             if found.stats.success or found.stats.status == STOPPED:
                 return found
+            anew = self.tolerance is not None  # if not, that has failed already, on these grids
         if is_coarse:
             first = self.solver.solve_from(own, guess)
-        return _same(first, others) or self._refined(first, guess)
+        return _same(first, others) or self._refined(first, guess, anew)
 
-    def _refined(self, first: Solution, guess: Path | Solution | None) -> Solution:
+    def _refined(
+        self, first: Solution, guess: Path | Solution | None, anew: bool = True
+    ) -> Solution:
         samples = path_samples(self.solver.conditions)
-        return refine(self.solver, samples, first, self.tolerance, guess)
+        return refine(self.solver, samples, first, self.tolerance, guess, anew)
 
 
 def _same(one: Solution, others: Sequence[Solution]) -> Solution | None:
@@ -416,7 +437,9 @@ class _Solver:
     ipopt: Mapping[str, Any]
     callback: Callback | None
     tolerance: float
+    is_bounded: bool = False  # whether all solves together end after `_MOST_ITERATIONS`
     spent: list[int] = field(default_factory=list)  # iterations of all solves
+    within: float = np.inf  # how far [rad or m] nodes may move from a guess
 
     def __call__(
         self, grid: Grid, guess: Path | Solution | None, known: Kept = MappingProxyType({})
@@ -429,28 +452,70 @@ class _Solver:
         whole = self.definition.conditions
         if len(whole.along_q) <= FEW or whole.via:
             return self._solve_on(grid, guess)
-        if isinstance(guess, Solution):
-            path = guess.path
-        else:
-            path = self.definition.initial_path(grid, guess)
-        first = self.definition.restricted(joined(known, may_become_active(whole, path)))
+        is_near = isinstance(guess, Solution)
+        given = guess.path if isinstance(guess, Solution) else guess
+        path = self.definition.initial_path(grid, given)
+        within, share = np.inf, MAY_CHANGE
+        if is_near:
+            within, share = _WITHIN * size_of(path), _NEARBY
+        farthest = _FARTHEST / _WITHIN * within
+        first = self.definition.restricted(joined(known, may_become_active(whole, path, share)))
+        tolerance = _LOOSE if self.tolerance == _TIGHT else self.tolerance
 
         def solve(start: _Start) -> Solution:
             definition, guess = start
-            return replace(self, definition=definition)._solve_on(grid, guess)
+            solver = replace(self, definition=definition, within=within, tolerance=tolerance)
+            return solver._solve_on(grid, guess)
 
         def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
-            kept = found.iterate.nlp.conditions.kept
+            nonlocal path, within
+            kept, is_held = found.iterate.nlp.conditions.kept, is_at_edge(path, found.path, within)
             missing = left_out(whole, kept, found.path)
             fails = not found.stats.success and number >= _FAILURES
-            if found.stats.status == STOPPED or not missing or fails:
+            if found.stats.status == STOPPED or fails or not (missing or is_held):
                 return found, None
             strays = guess is not None and found.stats.max_path_violation > _FEASIBLE
-            near = {} if strays else may_become_active(whole, found.path)
+            if strays and (not missing if is_near else number >= _STRAYS):
+                return found, None
+            if is_held and number + 1 == _MOST_ROUNDS:
+                return replace(
+                    found, stats=replace(found.stats, success=False, status=_MOVES)
+                ), None
+            near = {} if strays else may_become_active(whole, found.path, share)
             more = self.definition.restricted(joined(kept, missing, near))
-            return found, (more, guess if strays or not found.stats.success else found)
+            if strays or not found.stats.success:
+                within /= _GROWTH
+                return found, (more, path if is_near else guess)
+            path = found.path
+            within *= _GROWTH if is_held and within < farthest else 1.0
+            return found, (more, found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
+
+    def among_bodies(self, grid: Grid, guess: Path | Solution | None) -> Path | None:
+        """Return a guess on a grid if there are many conditions and it meets them, else None."""
+        whole = self.definition.conditions
+        if not isinstance(guess, Path) or len(whole.along_q) <= FEW or whole.via:
+            return None
+        path = self.definition.initial_path(grid, guess)
+        worst = path_samples(whole).excess(path, roughly=True)[1].max()
+        return path if worst <= _FEASIBLE else None
+
+    def descend(self, path: Path) -> Solution:
+        """Return the solution from a path that meets the conditions, by steps that go on to."""
+
+        def step(
+            definition: ProblemDefinition, path: Path, within: float, before: Solution | None
+        ) -> Solution:
+            solver = replace(self, definition=definition, tolerance=_LOOSE, within=within)
+            nlp = build_nlp(definition, path.grid, path)
+            if before is None:
+                return solver._solve_nlp(nlp, {**_BESIDE, "max_iter": _FEW_ITERATIONS})
+            warm = {**NEAR, **_WARM_START, "mu_init": _MODERATE_BARRIER}
+            warm["max_iter"] = _FEW_ITERATIONS
+            return solver._solve_nlp(nlp, warm, _multipliers(nlp, before))
+
+        return descend(self.definition, step, path)
 
     def _solve_on(self, grid: Grid, guess: Path | Solution | None) -> Solution:
         """Return the solution or last iterate under the conditions of this solver."""
@@ -458,7 +523,10 @@ class _Solver:
             nlp = build_nlp(self.definition, grid, guess.path)
             if nlp.violation <= _NEARLY and (multipliers := _multipliers(nlp, guess)):
                 warm = {**NEAR, **_WARM_START}
-                if nlp.violation > _CHANGED:
+                if self.within < np.inf:
+                    warm["mu_init"] = _SMALL_BARRIER
+                is_first = self.within in (np.inf, _WITHIN * size_of(guess.path))
+                if nlp.violation > _CHANGED or not is_first:
                     warm["mu_init"] = _MODERATE_BARRIER
                 found = self._solve_nlp(nlp, warm, multipliers)
                 if not found.stats.success and found.stats.status != STOPPED:
@@ -508,7 +576,12 @@ class _Solver:
     ) -> Solution:
         """Return the solution of the NLP from given multipliers, or the last iterate."""
         values = {**nlp.values, **multipliers}
+        farthest = self.within / nlp.units.length
+        values["lbx"] = np.maximum(values["lbx"], values["x0"] - farthest)
+        values["ubx"] = np.minimum(values["ubx"], values["x0"] + farthest)
         given = {**FILTER, **_SYSTEMS, "tol": self.tolerance, **usual, **self.ipopt}
+        if is_spent := self.is_bounded and sum(self.spent) > _MOST_ITERATIONS:
+            given["max_iter"] = 0
         settings = tuple(sorted(given.items()))
         try:
             hash(settings)
@@ -522,7 +595,10 @@ class _Solver:
             outcome = shared_ipopt(self.definition, shape, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
-        self.spent.append(outcome.iterations)
+        self.spent.append(int(outcome.iterations * max(1.0, outcome.x.size / _VARIABLES)))
+        if is_spent and not outcome.success:
+            status = f"no solution was found in {_MOST_ITERATIONS} iterations of Ipopt"
+            outcome = replace(outcome, status=status)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)

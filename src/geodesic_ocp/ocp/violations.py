@@ -19,7 +19,7 @@ from geodesic_ocp.trajectory.path import Path
 
 _PER_NODE = 4  # samples between two nodes
 _NEAR_BOUND = 1e-2  # of the range of a condition's values
-_MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at first
+MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at first
 _REFINEMENTS = 2  # times that the vertices of parabolas are added to the samples
 
 
@@ -199,7 +199,7 @@ def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) ->
 Kept: TypeAlias = Mapping[str, NDArray[np.bool_]]  # cells of s, by names of conditions
 
 
-def may_become_active(conditions: Conditions, path: Path) -> Kept:
+def may_become_active(conditions: Conditions, path: Path, share: float = MAY_CHANGE) -> Kept:
     """Return conditions in q, and cells, in which a path violates a bound or comes near, compared
     with how much values change along it; with the cells beside these.
     """
@@ -207,7 +207,7 @@ def may_become_active(conditions: Conditions, path: Path) -> Kept:
     names, kept = {condition.name for condition in conditions.along_q}, {}
     for condition, values in found:
         excess = excess_over_bounds(condition, values)
-        near = np.any(excess > -_MAY_CHANGE * np.ptp(values, axis=1, keepdims=True), axis=0)
+        near = np.any(excess > -share * np.ptp(values, axis=1, keepdims=True), axis=0)
         if condition.name in names and np.any(near):
             kept[condition.name] = _cells_about(s[near])
     return kept
