@@ -8,6 +8,7 @@ and Wright, *Numerical Optimization* (2006), chapter 4).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -25,7 +26,6 @@ _LARGE = 10.0  # extent of a path [rad or m] that is larger than a robot's
 _WIDER, _NARROWER = 1.3, 1.5  # factors
 _SHARES = 1.0, 0.5, 0.25  # of a step, of which the longest that is clear is taken
 _STEPS, _MOST_SEGMENTS = 40, 64
-_SETTLED = 1e-3  # relative decrease of the energy in the last step
 _EDGE = 0.99  # of the radius
 
 # From a problem with some conditions, a path, the radius, and the solution whose path this is, if
@@ -36,6 +36,12 @@ Step: TypeAlias = Callable[[ProblemDefinition, Path, float, Solution | None], So
 def is_at_edge(before: Path, after: Path, radius: float) -> bool:
     """Return whether a node has moved by the radius [rad or m]."""
     return bool(np.abs(after.nodes - before.nodes).max() > _EDGE * radius)
+
+
+def still_moving(solution: Solution) -> Solution:
+    """Return a solution that is one only because nodes may not move farther, as no success."""
+    status = "each program still moves the path by as much as it may"
+    return replace(solution, stats=replace(solution.stats, success=False, status=status))
 
 
 def size_of(path: Path) -> float:
@@ -55,6 +61,7 @@ def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
     radius = _RADIUS * size
     before: Solution | None = None
     last: Solution | None = None
+    is_held = False
     for _ in range(_STEPS):
         found = solve(definition.restricted(kept), path, radius, before)
         last = found if last is None else with_effort_of(last.stats, found)
@@ -69,10 +76,8 @@ def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
         before = None
         if (first := next(clear, None)) is not None:
             share, after = first
-            gain = 1.0 - after.discrete_energy / path.discrete_energy
             path, is_whole = after, share == 1.0
-            is_settled = not is_held or abs(gain) < _SETTLED
-            if is_whole and stats.success and not missing and is_settled:
+            if is_whole and stats.success and not missing and not is_held:
                 break
             if not is_whole:
                 radius /= _NARROWER
@@ -92,7 +97,7 @@ def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
             break
         kept = joined(kept, missing, may_become_active(conditions, path))
     assert last is not None
-    return last
+    return still_moving(last) if is_held and last.stats.success else last
 
 
 def _part(start: Path, end: Path, share: float) -> Path:

@@ -17,7 +17,7 @@ from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Re
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
-from geodesic_ocp.ocp.descent import descend, is_at_edge, size_of
+from geodesic_ocp.ocp.descent import descend, is_at_edge, size_of, still_moving
 from geodesic_ocp.ocp.guesses import FEW, Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
@@ -50,7 +50,6 @@ _MANY = 16
 _MOST_SEGMENTS = 32  # on which a guess is solved anew, as it led through obstacles on fewer
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 _LOOSE, _MODERATE, _TIGHT = 1e-6, 1e-8, 1e-10
-_MOVES = "each program still moves the path by as much as it may"
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
 _STEP = 0.1
@@ -478,9 +477,7 @@ class _Solver:
             if strays and (not missing if is_near else number >= _STRAYS):
                 return found, None
             if is_held and number + 1 == _MOST_ROUNDS:
-                return replace(
-                    found, stats=replace(found.stats, success=False, status=_MOVES)
-                ), None
+                return still_moving(found), None
             near = {} if strays else may_become_active(whole, found.path, share)
             more = self.definition.restricted(joined(kept, missing, near))
             if strays or not found.stats.success:
