@@ -32,7 +32,6 @@ Found = TypeVar("Found")
 _MANY = 200  # instructions from which on a function is compiled
 # From which on looking for common subexpressions takes longer than the few that there are.
 _LONG = 2000
-_PER_INSTRUCTION = 1e-7  # [s] that a program takes for one in all evaluations of a solve
 
 
 class Terms:
@@ -94,19 +93,14 @@ class Terms:
         is_compiled = self._lasting if name == "value" else name != "interpreted"
         library = self._compiled(name) if is_compiled else None
         if library is not None and (file := library.file):
-            self._uses[name] = library, _PER_INSTRUCTION * count * function.n_instructions()
+            self.in_use[name] = library
             with suppress(RuntimeError):  # the file has been removed
                 function = ca.external(name, file)
         return list(function.map(count).call(list(arguments)))
 
-    def report_use(self) -> None:
-        """Report that a program with these functions has been solved."""
-        for library, seconds in self._uses.values():
-            library.used(seconds)
-
     @cached_property
-    def _uses(self) -> dict[str, tuple[Library, float]]:
-        """Libraries of the functions of the last program, and for how long it uses them [s]."""
+    def in_use(self) -> dict[str, Library]:
+        """Libraries of the functions of the last program."""
         return {}
 
     def at(self, name: str, z: Array, p: Array, at_once: bool = True) -> list[Array]:
@@ -495,9 +489,10 @@ class BlockProgram:
         derivatives = {name: self.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
         every = {part.terms for each in self.blocks for part in (each, each.inner) if part}
 
-        def solved() -> None:
-            for terms in every:
-                terms.report_use()
+        def solved(seconds: float) -> None:
+            libraries = {each for terms in every for each in terms.in_use.values()}
+            for library in libraries:
+                library.used(seconds / len(libraries))
 
         return Ipopt(self.functions["nlp"], derivatives, options, relay, solved)
 

@@ -129,7 +129,7 @@ class Ipopt:
         derivatives: functions for nlpsol's options grad_f and hess_lag, if not CasADi's own.
         options: options of Ipopt by name, which override the package's.
         relay: callback for every iteration.
-        solved: called after every solve.
+        solved: called after every solve with the processor time of its evaluations [s].
 
     Raises:
         ValueError: there is no such option, or its value is of another type.
@@ -139,7 +139,7 @@ class Ipopt:
     derivatives: Mapping[str, ca.Function] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     relay: Relay | None = None
-    solved: Callable[[], object] | None = None
+    solved: Callable[[float], object] | None = None
     _solver: ca.Function = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -180,9 +180,9 @@ class Ipopt:
         if self.relay is not None and self.relay.failure is not None:
             raise self.relay.failure
         seconds = time.perf_counter() - start
-        if self.solved is not None:
-            self.solved()
         stats = self._solver.stats()
+        if self.solved is not None:
+            self.solved(sum(each for key, each in stats.items() if key.startswith("t_proc_nlp")))
         word = stats["return_status"]
         if word in _INTERRUPTED and (self.relay is None or not self.relay.stopped):
             raise KeyboardInterrupt

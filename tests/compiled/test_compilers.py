@@ -192,6 +192,15 @@ def test_the_system_compiler_takes_over_in_use(empty_cache: Path) -> None:
     assert other.kernels.compiler_name == "system"
 
 
+def test_programs_are_use_of_the_energy(monkeypatch: pytest.MonkeyPatch, tcc: None) -> None:
+    nlp = go.PointToPoint(HalfPlane(), Q0, Q1).nlp()
+    solver, kernels = nlp.transcription.program.solver({}), nlp.definition.metric.kernels
+    used: list[tuple[library.Library, float]] = []
+    monkeypatch.setattr(library.Library, "used", lambda *call: used.append(call))
+    assert solver(**nlp.values).success
+    assert [(each, seconds > 0.0) for each, seconds in used] == [(kernels, True)]
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("auto")
 def test_without_tcc_casadi_evaluates_until_the_library_is_ready(

@@ -64,6 +64,7 @@ class CompiledEnergy(Terms):
     def __init__(self, metric: Metric, conditions: Conditions, file: str) -> None:
         c, n = conditions, metric.dim
         super().__init__(ca.vertcat(c.q, c.v), c.p, metric.energy_density(c.q, c.v))
+        self.in_use["energy"] = metric.kernels
         self._gradient = ca.external("energy_gradient", file)
         self._hessian = ca.external("energy_hessian", file)
         self._hessians = None  # of several states at once
