@@ -37,7 +37,7 @@ _FRACTION = 0.1
 # Times that a segment is halved in one round; grids have a multiple of this number of segments.
 _MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.
-_PATIENCE, _WORSE = 2, 1.2
+_PATIENCE, _WORSE = 3, 1.2
 
 
 class SolveOn(Protocol):
