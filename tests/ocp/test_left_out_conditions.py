@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp import solve as solve_module
+from geodesic_ocp.ocp import solver as solver_module
 from geodesic_ocp.ocp.conditions import CELLS
 from geodesic_ocp.ocp.nlp import build_nlp
 from geodesic_ocp.ocp.problem import Equality, Inequality, parse_conditions
@@ -41,7 +41,7 @@ def test_conditions_are_added_where_a_path_violates_them(monkeypatch: pytest.Mon
     few = go.solve(problem, tolerance=1e-6)
     kept = [each.name for each in few.iterate.nlp.conditions.along_q]
     assert kept == ["disc (0.0, -0.1)", "disc (0.6, 0.36)"]
-    monkeypatch.setattr(solve_module, "FEW", len(problem.centres))
+    monkeypatch.setattr(solver_module, "FEW", len(problem.centres))
     every = go.solve(problem, tolerance=1e-6)
     assert few.stats.objective == pytest.approx(every.stats.objective, rel=1e-6)
     assert few.multipliers.keys() == every.multipliers.keys()
@@ -76,7 +76,7 @@ def test_a_path_beside_thin_bodies_does_not_jump_over_them() -> None:
 def test_a_search_among_many_bodies_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, guess = beside_wall()
     needed = go.solve(problem, guess=guess).stats.total_iterations
-    monkeypatch.setattr(solve_module, "_MOST_ITERATIONS", needed // 2)
+    monkeypatch.setattr(solver_module, "MOST_ITERATIONS", needed // 2)
     with pytest.raises(go.NotConverged, match=f"in {needed // 2} iterations") as error:
         go.solve(problem, guess=guess)
     assert error.value.solution.stats.total_iterations < needed  # type: ignore[attr-defined]
