@@ -350,13 +350,17 @@ def test_a_notebook_shows_the_same_in_a_frame(
     notebook.write_text(Viewer(playback("path"))._repr_html_(), encoding="utf-8")
     with opened(browser, notebook, width=WIDTH, height=560) as page:
         frame = page.frames[1]
-        frame.evaluate("""async () => {
-          geodesicOcp.viewers[0].seek(0.5);
-          for (let k = 0; k < 2; k++) await new Promise(requestAnimationFrame); // it is drawn
-        }""")
+        frame.evaluate("geodesicOcp.viewers[0].seek(0.5)")
         assert frame.get_by_label("time", exact=True).inner_text() == "s = 0.50"
         content = frame.evaluate("document.body.offsetHeight")
         assert page.locator("iframe").bounding_box()["height"] == near(content, 2.0)
-        before = pictures(page, "iframe")[0]
-        frame.evaluate("document.querySelector('canvas').style.visibility = 'hidden'")
-        assert changed_fraction(before, pictures(page, "iframe")[0], BODY) > 0.01
+        shown = "document.querySelector('canvas').style.visibility = '%s'"
+        frame.evaluate(shown % "hidden")
+        empty = pictures(page, "iframe")[0]
+        frame.evaluate(shown % "visible")
+        for _ in range(100):  # a frame is drawn when the browser gets to it
+            if changed_fraction(empty, pictures(page, "iframe")[0], BODY) > 0.01:
+                break
+            page.wait_for_timeout(100.0)
+        else:
+            pytest.fail("the arm is not drawn in the frame")
