@@ -138,8 +138,9 @@ def solve(
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
         _check_refinable(conditions)
-    settings, tight = dict(ipopt or {}), _ipopt_tolerance(tolerance)
-    is_bounded = len(conditions.along_q) > FEW and num_starts == 1
+    settings, is_large = dict(ipopt or {}), len(conditions.along_q) > FEW and not conditions.via
+    tight = LOOSE if is_large and tolerance is None else _ipopt_tolerance(tolerance)
+    is_bounded = is_large and num_starts == 1
     solver = Solver(problem, definition, conditions, settings, callback, tight, is_bounded)
     first = definition.grid if grid is None else grid
 

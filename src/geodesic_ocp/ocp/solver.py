@@ -121,11 +121,10 @@ class Solver:
             within, share = _WITHIN * size_of(path), _NEARBY
         farthest = _FARTHEST / _WITHIN * within
         first = self.definition.restricted(joined(known, may_become_active(whole, path, share)))
-        tolerance = LOOSE if self.tolerance == TIGHT else self.tolerance
 
         def solve(start: _Start) -> Solution:
             definition, guess = start
-            solver = replace(self, definition=definition, within=within, tolerance=tolerance)
+            solver = replace(self, definition=definition, within=within)
             return solver._solve_on(grid, guess)
 
         def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
