@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.ocp import conditions as conditions_module
 from geodesic_ocp.ocp import solver as solver_module
 from geodesic_ocp.ocp.conditions import CELLS
 from geodesic_ocp.ocp.nlp import build_nlp
@@ -41,7 +42,7 @@ def test_conditions_are_added_where_a_path_violates_them(monkeypatch: pytest.Mon
     few = go.solve(problem, tolerance=1e-8)
     kept = [each.name for each in few.iterate.nlp.conditions.along_q]
     assert kept == ["disc (0.0, -0.1)", "disc (0.6, 0.36)"]
-    monkeypatch.setattr(solver_module, "FEW", len(problem.centres))
+    monkeypatch.setattr(conditions_module, "_FEW", len(problem.centres))
     every = go.solve(problem, tolerance=1e-8)
     assert few.stats.objective == pytest.approx(every.stats.objective, rel=1e-8)
     assert few.multipliers.keys() == every.multipliers.keys()

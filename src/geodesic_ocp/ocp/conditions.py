@@ -16,6 +16,7 @@ from geodesic_ocp.blocks import Instance, Terms
 from geodesic_ocp.cells import Indices
 from geodesic_ocp.trajectory.grid import Grid
 
+_FEW = 20  # conditions in q, more than which are many
 CELLS = 32
 
 
@@ -115,6 +116,11 @@ class Conditions(ShortRepr):
     def kept(self) -> dict[str, NDArray[np.bool_]]:
         """Cells of s in which each condition in q is part of a program, by name."""
         return {each.name: each.cells for each in self.along_q}
+
+    @property
+    def are_many(self) -> bool:
+        """True if only those in q near their bounds are part of a program at first."""
+        return len(self.along_q) > _FEW and not self.via
 
     @property
     def only_ends(self) -> bool:

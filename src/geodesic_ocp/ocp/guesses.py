@@ -30,9 +30,6 @@ _CLEAR = 1e-6  # violation, in the unit of the constraint, that a configuration 
 _TINY = 1e-12
 _AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
 _OWN = "the initial guess"
-# More conditions in q than these are many: only those near their bounds are part of the first
-# program, and a guess through obstacles comes last, as it takes long to solve.
-FEW = 20
 _STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
 # Detours.
 _S = np.linspace(0.0, 1.0, 25)  # of their nodes
@@ -239,8 +236,8 @@ class Guesses:
         for number, q in enumerate(detours):
             self.tried.append(f"detour {number + 1}")
             yield self.tried[-1], Path.through(metric, q)
-        is_quick = len(self.definition.conditions.along_q) <= FEW
-        if not is_clear and (detours or several or is_quick):
+        # Among many bodies a guess through them comes last, as it takes long to solve.
+        if not is_clear and (detours or several or not self.definition.conditions.are_many):
             yield self._as_own()
 
     def last(self) -> Iterator[tuple[str, Path | None]]:
@@ -275,8 +272,7 @@ class Guesses:
                 if _is_new(q, seen):
                     self.tried.append(f"random detour {number + 1}")
                     yield self.tried[-1], Path.through(metric, q)
-        is_quick = len(self.definition.conditions.along_q) <= FEW
-        samples = _SAMPLES if is_quick else _AMONG_MANY * _SAMPLES
+        samples = _SAMPLES * (_AMONG_MANY if self.definition.conditions.are_many else 1)
         for number in range(_PLANS):
             waypoints = connect(space, starts, goals, box, rng, samples)
             if waypoints is None:

@@ -14,7 +14,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.callback import Callback
 from geodesic_ocp.ocp.conditions import Conditions
-from geodesic_ocp.ocp.guesses import FEW, Guesses
+from geodesic_ocp.ocp.guesses import Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import halved, meeting_conditions, refine, resolving
@@ -138,9 +138,9 @@ def solve(
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
         _check_refinable(conditions)
-    settings, is_large = dict(ipopt or {}), len(conditions.along_q) > FEW and not conditions.via
-    tight = LOOSE if is_large and tolerance is None else _ipopt_tolerance(tolerance)
-    is_bounded = is_large and num_starts == 1
+    settings, are_many = dict(ipopt or {}), conditions.are_many
+    tight = LOOSE if are_many and tolerance is None else _ipopt_tolerance(tolerance)
+    is_bounded = are_many and num_starts == 1
     solver = Solver(problem, definition, conditions, settings, callback, tight, is_bounded)
     first = definition.grid if grid is None else grid
 

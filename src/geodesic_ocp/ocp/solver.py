@@ -17,7 +17,6 @@ from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.descent import descend, is_at_edge, size_of, still_moving
-from geodesic_ocp.ocp.guesses import FEW
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import with_optimal_via_points
@@ -111,7 +110,7 @@ class Solver:
         unless they are known to count.
         """
         whole = self.definition.conditions
-        if len(whole.along_q) <= FEW or whole.via:
+        if not whole.are_many:
             return self._solve_on(grid, guess)
         is_near = isinstance(guess, Solution)
         given = guess.path if isinstance(guess, Solution) else guess
@@ -153,7 +152,7 @@ class Solver:
     def among_bodies(self, grid: Grid, guess: Path | Solution | None) -> Path | None:
         """Return a guess on a grid if there are many conditions and it meets them, else None."""
         whole = self.definition.conditions
-        if not isinstance(guess, Path) or len(whole.along_q) <= FEW or whole.via:
+        if not (isinstance(guess, Path) and whole.are_many):
             return None
         path = self.definition.initial_path(grid, guess)
         worst = path_samples(whole).excess(path, roughly=True)[1].max()
