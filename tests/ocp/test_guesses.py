@@ -15,6 +15,7 @@ from hypothesis.extra.numpy import arrays
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp import guesses
+from geodesic_ocp.ocp.callback import Iterate
 
 DISC = ((0.0, 0.1, 0.5),)
 # A cup, open to the left, in which the start lies; the goal lies behind it.
@@ -109,6 +110,34 @@ def test_the_search_stays_on_the_side_of_given_waypoints(side: float) -> None:
     solution = go.solve(problem, guess=go.Path.through(problem.metric, corners))
     assert side * solution.path(0.5)[1] > 0.3
     assert not solution.stats.guess
+
+
+def test_paths_on_either_side_of_an_obstacle_do_not_deform_into_each_other() -> None:
+    problem = AmongDiscs()
+    definition = problem.definition()
+    found = guesses.Guesses(definition, definition.grid)
+    near, far, below = (
+        go.Path.through(problem.metric, [(-1.0, 0.0), (0.0, height), (1.0, 0.0)])
+        for height in (1.0, 1.5, -1.0)
+    )
+    assert found.deform(near, far)
+    assert not found.deform(near, below)
+    assert not found.deform(below, far)
+
+
+def test_a_second_detour_on_the_same_side_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would lead to the same solution; one on the other side may lead to a better one."""
+    arc = np.column_stack([2.0 * guesses._S - 1.0, np.sin(np.pi * guesses._S)])
+    monkeypatch.setattr(guesses, "_SAME", 0.01)
+    programs = []
+    for second in (0.85, -0.85):
+        detours = [arc * (1.0, height) for height in (0.8, second)]
+        monkeypatch.setattr(guesses, "_clear_detours", lambda *_, found=detours: found)
+        iterates: list[Iterate] = []
+        go.solve(AmongDiscs(), callback=iterates.append)
+        begun = [each.path.grid for each in iterates if each.number == 0]
+        programs.append(begun.count(begun[0]))
+    assert programs == [1, 2]
 
 
 @given(arrays(float, (6, 3), elements=st.floats(-3.0, 3.0, width=16)))

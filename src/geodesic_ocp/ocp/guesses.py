@@ -39,6 +39,7 @@ _OFFSET = 0.3  # of the box, or a radian: how far one leads aside
 _ROUNDS, _FIRM = 8, 30.0  # of pushing and smoothing; weight of pushed against smooth
 _MARGIN = 0.1  # of the violation on the first path, by which nodes are pushed clear
 _LONGEST = 0.3  # step of a node [rad or m]
+_DEFORMATIONS = 5  # paths that are checked on the way from one path to another
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
 # The planner.
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 150
@@ -246,6 +247,13 @@ class Guesses:
         """
         if self.tried and _OWN not in self.tried:
             yield self._as_own()
+
+    def deform(self, one: Path, other: Path) -> bool:
+        """Return whether straight lines between points of two paths are clear of all constraints
+        (visibility deformation: Jaillet and Simeon, Int. J. Robotics Research 27, 2008).
+        """
+        shares = np.linspace(0.0, 1.0, _DEFORMATIONS + 2)[1:-1, None, None]
+        return bool(np.all(self._space.is_clear(one(_S) + shares * (other(_S) - one(_S)))))
 
     def _as_own(self) -> tuple[str, None]:
         self.tried.append(_OWN)

@@ -170,6 +170,7 @@ _ATTEMPTS = 6  # guesses, if none leads to a solution
 # Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
 # jump through them.
 _AROUND = 3e-2
+_CLOSE = 1.4  # ratio of lengths of a path and its solution, up to which that is near
 
 
 def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
@@ -177,7 +178,8 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
     from the problem's guess.
 
     Of one guess, which is clear of obstacles; otherwise of two on the first grid, those on which
-    the path goes around obstacles first, the planner's last.
+    the path goes around obstacles first, the planner's last; of one, if the second is a deformation
+    of the first.
     """
     found: list[Solution] = []
     failed: list[Solution] = []
@@ -205,6 +207,8 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
         last = guesses.last()
         for enough, stage in ((2, simple), (1, further), (1, simple), (1, further), (1, last)):
             for name, path in stage:
+                if not several and any(_leads_to(one, path, guesses) for one in around()):
+                    break
                 first = _named(search.begin(path), name)
                 waiting.append((first, path))
                 is_clear = not name and len(waiting) + len(failed) == 1
@@ -239,6 +243,16 @@ def _named(solution: Solution, name: str) -> Solution:
 
 def _goes_around(first: Solution) -> bool:
     return first.stats.success and first.stats.max_path_violation <= _AROUND
+
+
+def _leads_to(one: tuple[Solution, Path | None], path: Path | None, guesses: Guesses) -> bool:
+    """Return whether a path leads to the solution of another one: it deforms into that clear of
+    obstacles, and that is not far from its solution.
+    """
+    solution, other = one
+    if path is None or other is None or other.length > _CLOSE * solution.path.length:
+        return False
+    return guesses.deform(path, other)
 
 
 def _check_refinable(conditions: Conditions) -> None:
