@@ -265,6 +265,8 @@ class _Plan:
         fails = not found[0].success
         if pair.settings.scale is not None or scale <= 1.0:
             return found
+        if np.isclose(found[0].arms[0].mapping.scale, 1.0):  # it has them as they are
+            return found
         if not fails and _slowness(found[0]) <= 1.0:
             return found
         result, notes = replace(self, throw=False)._moved(pair.scaled(1.0 / scale))
