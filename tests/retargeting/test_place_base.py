@@ -115,6 +115,32 @@ def test_positions_are_scaled_down_no_further_than_poses_need(
     assert ("positions scaled by a further 0.95" in str(placed)) == (scale is None)
 
 
+@pytest.mark.parametrize(("most", "taken"), [(1.3, 1.3), (1.0, 1.0), (0.0, 1.3 * 0.9)])
+def test_a_long_arm_takes_positions_as_they_are_before_they_are_scaled_down(
+    most: float, taken: float, robot: go.Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All four poses are within reach up to a scale; else three, and two with the default one."""
+    tried = []
+
+    def mounted(search: Any, place: Any, mirrored: bool, *_: int, factor: float = 1.0) -> Any:
+        tried.append(factor * search.pairs[0].mapping.scale)
+        reached = 4 if tried[-1] <= most + 1e-9 else 3 if factor < 0.94 else 2
+        arm = SimpleNamespace(count=3)
+        return place_base._Mounted(place, mirrored, factor, (arm,), (), reached, 1.0)
+
+    search = place_base._BaseSearch
+    monkeypatch.setattr(search, "mounted", mounted)
+    monkeypatch.setattr(search, "_most_within_reach", lambda _: [])
+    monkeypatch.setattr(search, "_polished", lambda *_: np.zeros(4))
+    aligned = go.retargeting.align(robot)
+    pair = paired(robot, replace(aligned, length=1.3 * aligned.length))
+    moved, placed = place_base.best_place(pair, None)
+    assert moved.mapping.scale == pytest.approx(taken)
+    assert placed.factor == pytest.approx(taken / 1.3)
+    assert placed.reached_before == (4 if most == 1.3 else 2)
+    assert any(1.0 + 1e-6 < each < 1.3 - 1e-6 for each in tried) == (most == 0.0)
+
+
 @pytest.mark.parametrize(
     ("length", "scale", "seconds", "taken"),
     [
