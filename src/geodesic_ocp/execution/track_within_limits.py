@@ -452,11 +452,13 @@ def box_least_squares(
     """
     count = gradient.size
     rows = conditions or StepConditions(np.empty((0, count)), *np.empty((2, 0)))
-    most, least = np.append(upper, rows.upper), np.append(lower, rows.lower)
-    for first in dict.fromkeys((count + rows.firm, count)):  # of those that may be violated
-        kinds = np.full(most.size, _SOFT, dtype=np.intc)
-        kinds[:first] = 0
-        problem = hessian, gradient, rows.matrix, most, least, kinds
+    every = len(rows.matrix)
+    # Numbers of firm conditions and of all; at last the firm ones alone, none of them firm.
+    for firm, last in dict.fromkeys([(rows.firm, every), (0, rows.firm or every)]):
+        most, least = np.append(upper, rows.upper[:last]), np.append(lower, rows.lower[:last])
+        kinds = np.full(count + last, _SOFT, dtype=np.intc)
+        kinds[: count + firm] = 0
+        problem = hessian, gradient, rows.matrix[:last], most, least, kinds
         x, _, flag, _ = daqp.solve(*problem, primal_tol=_ACCURACY)
         if flag in (1, 2):  # 2: with soft conditions violated
             return np.asarray(np.clip(x, lower, upper))
