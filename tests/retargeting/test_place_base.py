@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from small_retargeting import small_analysis
 
 import geodesic_ocp as go
+from geodesic_ocp.blocks import BlockProgram
 from geodesic_ocp.progress import no_progress
 from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.retargeting.pairing import paired_arms
@@ -89,6 +90,26 @@ def test_the_place_found_is_no_worse_than_the_default(
     if not wide:
         assert found.yaw == 0.0
         assert abs(found.shift[1]) <= 0.05
+
+
+def test_the_program_of_the_place_starts_on_its_equalities(
+    robot: go.Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where poses are out of reach: elsewhere Ipopt's regularization may run away."""
+    missed = []
+
+    def solve(program: BlockProgram, x: Any, bounds: Any, *_: Any) -> Any:
+        g = program.functions["nlp"](x, [])[1].full()[:, 0]
+        lower, upper = program.bounds
+        missed.append(np.abs((g - lower)[lower == upper]).max())
+        return SimpleNamespace(x=x)
+
+    monkeypatch.setattr(BlockProgram, "solve", solve)
+    pair = paired(robot, displaced(robot, (0.3, 0.4, 0.3), -0.5))
+    bounds = np.full(4, 0.3)
+    search = place_base._BaseSearch((pair,), -bounds, bounds, False, None)
+    search._polished(search.mounted(np.zeros(4), False), 0.9)
+    assert max(missed) < 1e-9
 
 
 @pytest.mark.parametrize(("scale", "factor"), [(None, 0.95), (1.0, 1.0)])
