@@ -12,7 +12,11 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.limits import joint_limits
-from geodesic_ocp.execution.track_within_limits import box_least_squares, speed_bounds
+from geodesic_ocp.execution.track_within_limits import (
+    StepConditions,
+    box_least_squares,
+    speed_bounds,
+)
 
 
 @given(st.integers(0, 10_000), st.integers(1, 8), st.floats(-4.0, 1.0))
@@ -33,6 +37,22 @@ def test_minimum_between_bounds_meets_the_optimality_conditions(
     assert_allclose(slope[~at_lower & ~at_upper], 0.0, atol=1e-8)
     assert np.all(slope[at_lower & ~at_upper] >= -1e-8)
     assert np.all(slope[at_upper & ~at_lower] <= 1e-8)
+
+
+def test_firm_conditions_give_way_last() -> None:
+    """Of three conditions on x and y, each in [0, 1]: x + y >= 1.5, and y <= 0.2 or x + y >= 3."""
+    lower, upper = np.zeros(2), np.ones(2)
+    rows, least = np.array([[1.0, 1.0], [0.0, -1.0]]), np.array([1.5, -0.2])
+    least_squares = partial(box_least_squares, np.eye(2), np.zeros(2), lower, upper)
+    most = np.full(2, np.inf)
+    assert_allclose(least_squares(StepConditions(rows, least, most, 1)), [1.0, 0.5], atol=1e-6)
+    # With both alike, each is violated a little.
+    x, y = least_squares(StepConditions(rows, least, most))
+    assert x + y < 1.5 - 0.01
+    assert y > 0.2 + 0.01
+    # Where bounds do not allow a firm one, it is met as far as they do.
+    found = least_squares(StepConditions(rows[:1], np.array([3.0]), most[:1], 1))
+    assert_allclose(found, [1.0, 1.0], atol=1e-6)
 
 
 ACCELERATIONS = st.sampled_from([0.5, 10.0, 400.0, np.inf])

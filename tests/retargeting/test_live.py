@@ -7,8 +7,10 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from installed_robots import needs_robots
 
 import geodesic_ocp as go
+from geodesic_ocp.retargeting.paired_arm import gravity_on
 from geodesic_ocp.synergies.segment import OnlineSegmentation
 
 PERSON, ROBOT = go.human_arm("left", 1.78), go.human_arm("right", 1.95)
@@ -21,10 +23,12 @@ def new_live() -> go.retargeting.LiveRetargeting:
     return go.retargeting.LiveRetargeting(PERSON, ROBOT, START, limits=LIMITS)
 
 
-def as_trajectory(commands: list[go.retargeting.LiveCommand]) -> go.JointTrajectory:
+def as_trajectory(
+    commands: list[go.retargeting.LiveCommand], robot: go.Model = ROBOT
+) -> go.JointTrajectory:
     names = ("time", "position", "velocity", "acceleration")
     columns = [np.array([getattr(each, name) for each in commands]) for name in names]
-    return go.JointTrajectory(*columns, ROBOT.joint_names)
+    return go.JointTrajectory(*columns, robot.joint_names, robot.units)
 
 
 def speed(command: go.retargeting.LiveCommand) -> float:
@@ -78,6 +82,27 @@ def test_torques_and_the_hands_speed_are_limited_where_they_would_exceed() -> No
     assert all(free_use[kind] > 1.2 for kind in kinds), free_use
     assert found[1].passed, found[1]
     assert use["hand_speed"] > 0.9
+
+
+@needs_robots
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["panda", "talos-right-arm"])
+def test_no_torque_or_rate_is_exceeded_where_the_hand_jumps(name: str) -> None:
+    """Neither where it has to slow down, nor where Talos' joints cannot hold its arm."""
+    robot, rng = go.load_model(name), np.random.default_rng(0)
+    person = go.human_arm("right")
+    start = (robot.lower + robot.upper) / 2.0
+    live = go.retargeting.LiveRetargeting(person, robot, start)
+    commands = [live.command]
+    for k in range(400):
+        if k % 25 == 0:
+            q = rng.uniform(np.maximum(person.lower, -1.5), np.minimum(person.upper, 1.5))
+        commands.append(live.step(k * STEP, q + 0.01 * rng.normal(size=7)))
+    commands += [live.step(k * STEP) for k in range(400, 500)]  # it brakes and rests
+    gravity = gravity_on(live.mapping.target)
+    trajectory = as_trajectory(commands, robot)
+    found = go.check_trajectory(trajectory, robot, live.limits, gravity=gravity)
+    assert found.passed, found
 
 
 @pytest.mark.slow

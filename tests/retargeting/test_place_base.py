@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from small_retargeting import small_analysis
 
 import geodesic_ocp as go
+from geodesic_ocp.blocks import BlockProgram
 from geodesic_ocp.progress import no_progress
 from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.retargeting.pairing import paired_arms
@@ -91,6 +92,26 @@ def test_the_place_found_is_no_worse_than_the_default(
         assert abs(found.shift[1]) <= 0.05
 
 
+def test_the_program_of_the_place_starts_on_its_equalities(
+    robot: go.Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where poses are out of reach: elsewhere Ipopt's regularization may run away."""
+    missed = []
+
+    def solve(program: BlockProgram, x: Any, bounds: Any, *_: Any) -> Any:
+        g = program.functions["nlp"](x, [])[1].full()[:, 0]
+        lower, upper = program.bounds
+        missed.append(np.abs((g - lower)[lower == upper]).max())
+        return SimpleNamespace(x=x)
+
+    monkeypatch.setattr(BlockProgram, "solve", solve)
+    pair = paired(robot, displaced(robot, (0.3, 0.4, 0.3), -0.5))
+    bounds = np.full(4, 0.3)
+    search = place_base._BaseSearch((pair,), -bounds, bounds, False, None)
+    search._polished(search.mounted(np.zeros(4), False), 0.9)
+    assert max(missed) < 1e-9
+
+
 @pytest.mark.parametrize(("scale", "factor"), [(None, 0.95), (1.0, 1.0)])
 def test_positions_are_scaled_down_no_further_than_poses_need(
     scale: float | None, factor: float, robot: go.Model, monkeypatch: pytest.MonkeyPatch
@@ -113,6 +134,32 @@ def test_positions_are_scaled_down_no_further_than_poses_need(
     assert moved.mapping.scale == pytest.approx(factor * pair.mapping.scale)
     assert min(tried) == factor
     assert ("positions scaled by a further 0.95" in str(placed)) == (scale is None)
+
+
+@pytest.mark.parametrize(("most", "taken"), [(1.3, 1.3), (1.0, 1.0), (0.0, 1.3 * 0.9)])
+def test_a_long_arm_takes_positions_as_they_are_before_they_are_scaled_down(
+    most: float, taken: float, robot: go.Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All four poses are within reach up to a scale; else three, and two with the default one."""
+    tried = []
+
+    def mounted(search: Any, place: Any, mirrored: bool, *_: int, factor: float = 1.0) -> Any:
+        tried.append(factor * search.pairs[0].mapping.scale)
+        reached = 4 if tried[-1] <= most + 1e-9 else 3 if factor < 0.94 else 2
+        arm = SimpleNamespace(count=3)
+        return place_base._Mounted(place, mirrored, factor, (arm,), (), reached, 1.0)
+
+    search = place_base._BaseSearch
+    monkeypatch.setattr(search, "mounted", mounted)
+    monkeypatch.setattr(search, "_most_within_reach", lambda _: [])
+    monkeypatch.setattr(search, "_polished", lambda *_: np.zeros(4))
+    aligned = go.retargeting.align(robot)
+    pair = paired(robot, replace(aligned, length=1.3 * aligned.length))
+    moved, placed = place_base.best_place(pair, None)
+    assert moved.mapping.scale == pytest.approx(taken)
+    assert placed.factor == pytest.approx(taken / 1.3)
+    assert placed.reached_before == (4 if most == 1.3 else 2)
+    assert any(1.0 + 1e-6 < each < 1.3 - 1e-6 for each in tried) == (most == 0.0)
 
 
 @pytest.mark.parametrize(

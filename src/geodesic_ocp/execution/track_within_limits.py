@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 import daqp
@@ -45,6 +45,8 @@ _COARSE = 25.0  # [Hz], at which starts are compared
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
 _ACCURACY = 1e-10  # [rad/s or m/s], of speeds
 _GENTLY = 0.25  # where torques are limited as well: see `speed_bounds`
+_HOLDING = 0.95  # share of its limit up to which a joint's torque may be to hold the arm
+_PASSES = 2  # of the problem of a step with limits of torque
 _SOFT = 8  # DAQP's number of conditions that may be violated
 
 
@@ -184,7 +186,8 @@ class Tracker:
         hands: names of the hands; empty: the hand of the model.
         gravity: of free fall, in axes of the base (3,) [m/s^2]; None: torques and speeds of the
             hands are not limited.
-        torque_share: share of the limits of torque that may be used, see `usable_torque`.
+        torque_share: share of the limits of torque that may be used, see `usable_torque`; no more
+            than 0.95 of a limit are, unless it takes more to hold the arm.
     """
 
     model: Model
@@ -231,27 +234,51 @@ class Tracker:
             weight = self.posture_cost + change_cost + damped
             hessian = jacobian.T @ jacobian + weight * np.eye(self.model.dof)
             pulled = self.posture_cost * towards + change_cost * previous
-            gradient, rows = -(jacobian.T @ wanted + pulled), self._conditions(q, previous, force)
-            found = box_least_squares(hessian, gradient, *bounds, rows)
+            gradient = -(jacobian.T @ wanted + pulled)
+            found = self._least(hessian, gradient, bounds, q, previous, force)
         return np.asarray(np.clip(found, *bounds))
 
     def braking(self, q: Array, previous: Array, force: Array | None = None) -> Array:
         """Return the least speeds (n,) of the step that begins at q (n,), see `speeds`."""
         n, bounds = self.model.dof, self.bounds(q, previous)
-        conditions = self._conditions(q, previous, force)
-        return box_least_squares(np.eye(n), np.zeros(n), *bounds, conditions)
+        return self._least(np.eye(n), np.zeros(n), bounds, q, previous, force)
+
+    def torques(self, q: Array, previous: Array, speeds: Array) -> Array:
+        """Return torques (n,) at the beginning of a step, at q (n,), where speeds change (n,)."""
+        assert self.gravity is not None
+        change = (speeds - previous) / self.step
+        middle = (previous + speeds) / 2.0
+        return np.asarray(self.model.inverse_dynamics(q, middle, change, self.gravity))
+
+    def _least(
+        self,
+        hessian: Array,
+        gradient: Array,
+        bounds: tuple[Array, Array],
+        q: Array,
+        previous: Array,
+        force: Array | None,
+    ) -> Array:
+        """Return the speeds v (n,) that minimize v' H v / 2 + g' v within bounds and conditions."""
+        if self.gravity is None:
+            return box_least_squares(hessian, gradient, *bounds)
+        speeds = previous
+        for _ in range(_PASSES):  # as torques are not quite linear in the speeds
+            conditions = self._conditions(q, previous, force, speeds)
+            speeds = box_least_squares(hessian, gradient, *bounds, conditions)
+        return speeds
 
     def _conditions(
-        self, q: Array, previous: Array, force: Array | None
-    ) -> tuple[Array, Array, Array] | None:
-        """Return matrix (k, n) and bounds (k,) of the speeds of a step that begins at q (n,), which
-        limit torques at its beginning, their change, and the hands' speed in its direction.
+        self, q: Array, previous: Array, force: Array | None, near: Array
+    ) -> StepConditions:
+        """Return conditions on the speeds of a step that begins at q (n,), linear near some (n,):
+        firm ones on torques at its beginning and on their change, and others on the torques that
+        hold the arm and on the hands' speed in its direction.
         """
-        if self.gravity is None:
-            return None
-        states = np.array([q, q]), np.array([0.0 * q, previous])
-        held, kept = self.model.inverse_dynamics(*states, np.zeros((2, q.size)), self.gravity)
-        upper = usable_torque(self.limits.torque, np.abs(held), self.torque_share)
+        weight, slope = evaluate(_holding(self.model), q, self.gravity)
+        held, limit = np.abs(weight[:, 0]), self.limits.torque
+        usable = usable_torque(limit, held, self.torque_share)
+        upper = np.minimum(usable, np.maximum(_HOLDING * limit, held))
         lower = -upper
         if force is not None:
             change = self.step * self.limits.torque_rate
@@ -259,17 +286,21 @@ class Tracker:
                 np.clip(each, force - change, force + change) for each in (lower, upper)
             )
         matrix = self.model.mass_matrix(q) / self.step
-        middle = matrix @ previous - kept
-        found = [(matrix, middle + lower, middle + upper)]
+        middle = matrix @ near - self.torques(q, previous, near)
+        limited = np.isfinite(upper)
+        found = [(matrix[limited], (middle + lower)[limited], (middle + upper)[limited])]
+        some = np.isfinite(limit)  # a joint that is too weak to hold the arm is not led farther
+        room = _GENTLY * np.maximum(_HOLDING * limit - held, 0.0)[some] / self.step
+        found.append((np.sign(weight[some]) * slope[some], np.full_like(room, -np.inf), room))
         hands, largest = self.hands or (self.model.hand,), self.limits.hand_speed
         moving = self.model.stacked_jacobians(hands, q).reshape(len(hands), 6, -1)[:, :3]
         for jacobian in moving if np.isfinite(largest) else ():
             row = (jacobian @ previous) @ jacobian
             speed = float(np.linalg.norm(jacobian @ previous))
-            found.append((row[None], np.array([-np.inf]), np.array([largest * speed])))
-        rows, least, most = zip(*found, strict=True)
-        some = np.isfinite(np.concatenate(most))
-        return np.vstack(rows)[some], np.concatenate(least)[some], np.concatenate(most)[some]
+            allowed = min(largest, speed + _GENTLY * (largest - speed))
+            found.append((row[None], np.array([-np.inf]), np.array([allowed * speed])))
+        rows, least, most = map(np.concatenate, zip(*found, strict=True))
+        return StepConditions(rows, least, most, int(limited.sum()))
 
     def bounds(self, q: Array, previous: Array, left: int = _MANY) -> tuple[Array, Array]:
         """Return `speed_bounds` of the step that begins at q (n,)."""
@@ -330,6 +361,14 @@ def _tracking(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca
     return ca.Function("tracking", [q, rotation, position], outputs)
 
 
+@lru_cache(maxsize=32)
+def _holding(model: Model) -> ca.Function:
+    """Return q, gravity -> torques that hold the arm (n,), and their derivatives by q (n, n)."""
+    q, gravity = ca.SX.sym("q", model.dof), ca.SX.sym("g", 3)
+    held = model.inverse_dynamics(q, ca.SX.zeros(model.dof), ca.SX.zeros(model.dof), gravity)
+    return ca.Function("holding", [q, gravity], ca.cse([held, ca.densify(ca.jacobian(held, q))]))
+
+
 def speed_bounds(
     model: Model,
     limits: JointLimits,
@@ -380,12 +419,21 @@ def _braking(room: Array, change: Array, step: float) -> Array:
     return np.where(limited, np.minimum(room, np.min(found, axis=0)), room)
 
 
+class StepConditions(NamedTuple):
+    """Conditions lower <= A x <= upper, with A `matrix` (k, n), of which the first are firm."""
+
+    matrix: Array
+    lower: Array
+    upper: Array
+    firm: int = 0
+
+
 def box_least_squares(
     hessian: Array,
     gradient: Array,
     lower: Array,
     upper: Array,
-    rows: tuple[Array, Array, Array] | None = None,
+    conditions: StepConditions | None = None,
 ) -> Array:
     """Return the x (n,) that minimizes x' H x / 2 + g' x subject to lower <= x <= upper.
 
@@ -396,18 +444,22 @@ def box_least_squares(
         hessian: H, symmetric and positive definite (n, n).
         gradient: g (n,).
         lower, upper: bounds (n,), which may be infinite or equal.
-        rows: matrix (k, n) and bounds (k,) of more conditions, each of which is violated, by as
-            little as possible, where the others do not allow it.
+        conditions: further ones. They are violated, by as little as possible, where bounds do not
+            allow them; the firm ones only then, and others also where those do not allow them.
 
     Raises:
         NotConverged: DAQP finds no minimum, from rounding.
     """
-    matrix, kinds = np.empty((0, gradient.size)), np.zeros(gradient.size, dtype=np.intc)
-    least, most = lower, upper
-    if rows is not None:
-        matrix, least, most = rows[0], np.append(lower, rows[1]), np.append(upper, rows[2])
-        kinds = np.append(kinds, np.full(len(matrix), _SOFT, dtype=np.intc))
-    x, _, flag, _ = daqp.solve(hessian, gradient, matrix, most, least, kinds, primal_tol=_ACCURACY)
-    if flag not in (1, 2):  # 2: with soft conditions violated
-        raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")
-    return np.asarray(np.clip(x, lower, upper))
+    count = gradient.size
+    rows = conditions or StepConditions(np.empty((0, count)), *np.empty((2, 0)))
+    every = len(rows.matrix)
+    # Numbers of firm conditions and of all; at last the firm ones alone, none of them firm.
+    for firm, last in dict.fromkeys([(rows.firm, every), (0, rows.firm or every)]):
+        most, least = np.append(upper, rows.upper[:last]), np.append(lower, rows.lower[:last])
+        kinds = np.full(count + last, _SOFT, dtype=np.intc)
+        kinds[: count + firm] = 0
+        problem = hessian, gradient, rows.matrix[:last], most, least, kinds
+        x, _, flag, _ = daqp.solve(*problem, primal_tol=_ACCURACY)
+        if flag in (1, 2):  # 2: with soft conditions violated
+            return np.asarray(np.clip(x, lower, upper))
+    raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")

@@ -12,6 +12,8 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.joints import motion_subspace
 from geodesic_ocp.model.model import Model
 
+_VERTICAL = 0.9  # cosine of the angle between a lift and the vertical
+
 
 class JointAxes(NamedTuple):
     """Axes of k joints in one configuration, in the base frame.
@@ -56,3 +58,19 @@ def upward(model: Model) -> Array:
     gravity = np.array(model.pin.gravity.linear, dtype=float)
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+def upright(model: Model) -> Array:
+    """Return the configuration (n,) of a robot that stands upright: zero, or the limit nearest to
+    it; lifts of a body with several hands are raised, as those of its arms alone are.
+    """
+    q = np.clip(np.zeros(model.dof), model.lower, model.upper)
+    if not model.shared_joints:
+        return q
+    axes, ends = joint_axes(model, q), (model.lower, model.upper)
+    for name, number, direction in zip(axes.names, axes.coordinates, axes.directions, strict=True):
+        rises = float(direction @ upward(model))
+        if name in model.shared_joints and model.units[number] == "m" and abs(rises) > _VERTICAL:
+            end = float(ends[rises > 0.0][number])
+            q[number] = end if np.isfinite(end) else q[number]
+    return q

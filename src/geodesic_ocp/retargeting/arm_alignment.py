@@ -19,6 +19,7 @@ from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_rotation, as_v
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.robots import ROBOTS
+from geodesic_ocp.model.joint_axes import upright
 from geodesic_ocp.model.joints import frame_index, max_reach
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.records import read_record, write_file
@@ -216,7 +217,7 @@ class _Known(NamedTuple):
     """A known robot's alignment: the joint at its shoulder, and axes.
 
     Attributes:
-        joint: at the shoulder, with all joints at zero or at the limit nearest to zero.
+        joint: at the shoulder of the robot that stands `upright`.
         base, hand: columns of the rotations of `Alignment`.
         side: side of the body.
         elbow, wrist: joints.
@@ -433,7 +434,7 @@ def known_alignment(robot: Model) -> Alignment | None:
     usual = ROBOTS[name]
     if not all(robot.pin.existFrame(str(each)) for each in (known.joint, usual.hand, usual.base)):
         return None
-    home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
+    home = upright(robot)
     base, hand = (np.array(columns, dtype=float).T for columns in (known.base, known.hand))
     # The model may have been loaded with another base, or another hand.
     base = robot.frame_pose(str(usual.base), home)[0] @ base

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import Terms
 from geodesic_ocp.execution.clearance import Clearance, largest_lacks
+from geodesic_ocp.model.joint_axes import upright
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import search_bounds, search_each, step_terms
 from geodesic_ocp.retargeting.paired_arm import (
     REACHED,
     middle_of_ranges,
     nearest_configurations,
-    upright,
 )
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights

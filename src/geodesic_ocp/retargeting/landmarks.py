@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.model.joint_axes import JointAxes, joint_axes, upward
+from geodesic_ocp.model.joint_axes import JointAxes, joint_axes, upright, upward
 from geodesic_ocp.model.model import Model
 
 AXES = {
@@ -80,7 +80,7 @@ def landmarks(robot: Model) -> Landmarks:
     Raises:
         ValueError: fewer than two revolute joints, or an arm without extent.
     """
-    home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
+    home = upright(robot)
     axes = joint_axes(robot, home)
     revolute = [number for number, rotates in enumerate(axes.rotates) if rotates]
     if len(revolute) < 2:

@@ -7,7 +7,8 @@ The steps of one tick are all causal, and their delays are known:
    accelerations that it costs the robot.
 2. The pose of the hand there is mapped to the robot as in `retarget`.
 3. Inverse kinematics follows it in steps of constant speed, which keep the limits of position,
-   speed and acceleration, and as far as these allow of torque and of the hand's speed (`Tracker`).
+   speed and acceleration, as far as these allow of torque and of its rate, and as far as those do
+   of the hand's speed (`Tracker`).
 4. Two moving averages make these steps smooth, one over a step h and one over a time T. Limits are
    intervals, so that an average of motions within them is within them: the command keeps the limits
    as the steps do, and its jerk is at most 2 a / T, where a is the limit of acceleration. Averages
@@ -66,8 +67,9 @@ class LiveRetargeting:
     """Retargeting of a person's motion while it goes on: a command for each sample.
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep the
-    limits of position, speed, acceleration and jerk, whatever the samples are. Limits of torque, of
-    its rate and of the hand's speed are kept where these allow it. Commands lag behind by `delay`,
+    limits of position, speed, acceleration and jerk, whatever the samples are. Limits of torque and
+    of its rate are kept where these allow it, and that of the hand's speed where those do. The hand
+    stays behind where joints are too weak to hold the arm. Commands lag behind by `delay`,
     and by more where the limits do not allow the person's speed. Distances between links or to
     obstacles are not considered. At the beginning, and after a gap, a parallel gripper takes the
     nearer one of both grasps. Synergies of the person are those of the online rule (`segment`), as
@@ -214,9 +216,7 @@ class LiveRetargeting:
             speeds = self._tracker.speeds(self._target, before, *pose, velocity, force=self._force)
         else:
             speeds = self._tracker.braking(self._target, before, self._force)
-        self._force = self.robot.inverse_dynamics(
-            self._target, before, (speeds - before) / self._step, self._gravity
-        )
+        self._force = self._tracker.torques(self._target, before, speeds)
         self._target = self._target + self._step * speeds
         self._speeds.append(speeds)
         self.command = self._smoothed()

@@ -21,6 +21,7 @@ from geodesic_ocp.blocks import Terms
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.limits import JointLimits, checked_start
 from geodesic_ocp.model.distances import signed_distances
+from geodesic_ocp.model.joint_axes import upright
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.inverse_kinematics import configurations, nearest_configuration
 from geodesic_ocp.ocp.pose_search import (
@@ -191,11 +192,6 @@ def elbow_offset(model: Model, alignment: Alignment, q: Any, shoulder: Any = Non
     along = ca.dot(upper, whole) / (ca.sumsqr(whole) + _SHORTEST)
     offset: ca.SX = (upper - along * whole) / alignment.length
     return offset
-
-
-def upright(model: Model) -> Array:
-    """Return zero, or the configuration (n,) within the limits that is nearest to it."""
-    return np.clip(np.zeros(model.dof), model.lower, model.upper)
 
 
 def waist_turn(model: Model, q: Any) -> Any:

@@ -14,6 +14,7 @@ from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.model.joint_axes import upright
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import rotation_log, stacked_error
 from geodesic_ocp.retargeting.arm_alignment import Alignment
@@ -34,7 +35,6 @@ from geodesic_ocp.retargeting.paired_arm import (
     gravity_on,
     has_elbow,
     middle_of_ranges,
-    upright,
     waist_turn,
 )
 from geodesic_ocp.retargeting.pairing import paired_arms
@@ -58,9 +58,9 @@ _STARTS = 6
 _MOST_POSES = 24  # that are counted
 _CHOSEN = 8  # mountings for which configurations are chosen
 _ROUGHLY = 8  # from so many starts; for the best of these, from as many as elsewhere
-# The best one is improved until all poses are within reach, with these factors of positions: the
-# first, or all where the scale is left to `retarget`.
-_ALONE, _FACTORS = 2, (1.0, 1.0, 0.95, 0.9)
+# The best one is improved until all poses are within reach, with these factors of positions, and
+# then with smaller ones where the scale is left to `retarget`.
+_SAME, _SMALLER = (1.0, 1.0), (0.95, 0.9)
 # From how far above its bound on a distance enters the program, [m] and by its bound: of links that
 # are always close, which have a small one, it would take long to say whether they are closer.
 _NEAR, _NEAR_BOUND = 0.02, 2.0
@@ -129,7 +129,7 @@ class BasePlacement(ShortRepr):
         if self.mirrored:
             parts.append("the motion mirrored")
         if self.factor < 1.0:
-            parts.append(f"positions scaled by a further {self.factor:g}")
+            parts.append(f"positions scaled by a further {self.factor:.3g}")
         return (
             f"base {', '.join(parts) or 'at its default place'}: {self.reached} of {self.count} "
             f"poses within reach, {self.reached_before} at the default place; cost "
@@ -220,12 +220,22 @@ def place_base(
 
 
 def best_place(pair: PairedArm, clearance: Clearance | None) -> tuple[PairedArm, BasePlacement]:
-    """Return a pair at the best place within the default bounds of `place_base`, with positions
-    scaled down if it does not attain all poses otherwise and their scale is not given.
+    """Return a pair at the best place within the default bounds of `place_base`.
+
+    If it does not attain all poses and their scale is not given, a longer arm takes positions as
+    they are, or they are scaled down, where that attains more.
     """
     lower, upper = np.transpose([_SHIFTS, _SHIFTS, _SHIFTS, _TURNS])
-    factors = _FACTORS if pair.settings.scale is None else _FACTORS[:_ALONE]
-    found = _BaseSearch((pair,), lower, upper, False, clearance, factors).best()
+    search = _BaseSearch((pair,), lower, upper, False, clearance)
+    tried = search.improved(search.begun(), _SAME)
+    found, scale = search.placement(tried), pair.mapping.scale
+    if pair.settings.scale is None and scale > 1.0 and found.reached < found.count:
+        other = replace(search, pairs=(pair.scaled(1.0 / scale),)).best()
+        if other.reached > found.reached:
+            found = replace(other, factor=1.0 / scale, reached_before=found.reached_before)
+    if pair.settings.scale is None and found.reached < found.count:
+        other = search.placement(search.improved(tried, _SMALLER))
+        found = other if other.reached > found.reached else found
     return _at(pair, found.alignments, found.factor), found
 
 
@@ -262,36 +272,59 @@ class _BaseSearch:
     upper: Array
     mirrored: bool
     clearance: Clearance | None
-    factors: Sequence[float] = _FACTORS[:_ALONE]
 
     @property
     def robot(self) -> Model:
         return self.pairs[0].robot
 
     def best(self) -> BasePlacement:
-        """Return the best of those that are tried."""
-        before = self.mounted(np.zeros(4), False)
-        count = sum(each.count + 1 for each in before.arms)
+        """Return the best place, with positions as they are."""
+        return self.placement(self.improved(self.begun(), _SAME))
+
+    def begun(self) -> list[_Mounted]:
+        """Return the default place and the best of those that cover the bounds, the better last."""
         within = bool(np.all(self.lower <= 0.0) and np.all(self.upper >= 0.0))
-        tried = [before] if within else []
+        tried = [self._before] if within else []
         roughly = [self.mounted(*each, _ROUGHLY) for each in self._most_within_reach()]
         for each in sorted(roughly, key=_rank)[:1]:
             tried.append(self.mounted(each.place, each.mirrored))
-        found = min(tried, key=_rank)
-        for factor in self.factors:
+        return sorted(tried, key=_rank, reverse=True)
+
+    def improved(self, tried: list[_Mounted], factors: Sequence[float]) -> list[_Mounted]:
+        """Return what has been tried, and the last one improved with factors of positions, one
+        after the other until all poses are attained, and with the same as long as that gains any.
+        """
+        tried, gains = list(tried), True
+        for factor in factors:
+            found, most = tried[-1], max(each.reached for each in tried)
+            if factor == found.factor and not gains:
+                continue
             polished = self._polished(found, factor)
-            found = self.mounted(polished, found.mirrored, factor=factor)
-            tried.append(found)
-            if max(each.reached for each in tried) == count:
+            tried.append(self.mounted(polished, found.mirrored, factor=factor))
+            gains = tried[-1].reached > most
+            if max(most, tried[-1].reached) == self._count:
                 break
-        found = min(tried, key=_rank)
+        return tried
+
+    @cached_property
+    def _before(self) -> _Mounted:
+        return self.mounted(np.zeros(4), False)
+
+    @property
+    def _count(self) -> int:
+        """Number of poses, of all recordings."""
+        return sum(each.count + 1 for each in self._before.arms)
+
+    def placement(self, tried: Sequence[_Mounted]) -> BasePlacement:
+        """Return the best of those that have been tried."""
+        found, before = min(tried, key=_rank), self._before
         return BasePlacement(
             self.alignments(found.place, found.mirrored),
             found.place[:3],
             float(found.place[3]),
             found.mirrored,
             found.factor,
-            count,
+            self._count,
             *(found.reached, before.reached, found.cost, before.cost),
         )
 
@@ -436,20 +469,17 @@ class _BaseSearch:
         arm, torque = default[0], tuple(self.pairs[0].limits.torque.tolist())
         misses = first + np.arange(len(places) * len(arm.rows)).reshape(len(places), -1)
         exact = np.zeros(misses.shape)
+        terms = _pose_terms(arm.arm, arm.hands, aligned, arm.rows, torque)
         blocks = [
-            Block(
-                _pose_terms(arm.arm, arm.hands, aligned, arm.rows, torque),
-                np.hstack([places, misses]),
-                np.array(values),
-                exact,
-                exact,
-            ),
+            Block(terms, np.hstack([places, misses]), np.array(values), exact, exact),
             Block(_line_terms(arm.arm), np.array(steps), np.array(lines)),
         ]
         given = zip(start.arms, self._weights, start.layers, strict=True)
         q = np.vstack([best_candidates(*each, self._lacks).q for each in given])
         place, kept = start.place, dict[tuple[int, int], float]()
-        free, missed = np.full(misses.size, np.inf), np.zeros(misses.size)
+        free, at = np.full(misses.size, np.inf), np.tile(place, (len(q), 1))
+        off = terms.at("value", np.hstack([at, q, exact]), np.array(values))[1]
+        missed = _EXACT * off.ravel()  # so that the start meets the equalities
         lower = np.concatenate([self.lower, np.tile(arm.arm.lower, len(q)), -free])
         upper = np.concatenate([self.upper, np.tile(arm.arm.upper, len(q)), free])
         last = first + misses.size

@@ -109,8 +109,9 @@ def retarget(
             several hands; None: that of the known robot (`go.retargeting.align`). If poses are then
             out of reach, or links too near or joints too weak at them, the base of one robot is
             moved to where most are attained (`place_base`); if the motion takes 1.5 times the
-            person's time, or a synergy 2.5 times, to where it is quicker. If it is slow or fails
-            there as well, and its arm is longer than the person's, positions are not scaled.
+            person's time, or a synergy 2.5 times, to where it is quicker. If it misses poses, is
+            slow or fails there as well, and its arm is longer than the person's, positions are not
+            scaled.
             Obstacles, in the frame of the base, move with it. Not if a start or a problem of one's
             own is given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
@@ -264,6 +265,8 @@ class _Plan:
         found, scale = self._moved(pair), pair.mapping.scale
         fails = not found[0].success
         if pair.settings.scale is not None or scale <= 1.0:
+            return found
+        if np.isclose(found[0].arms[0].mapping.scale, 1.0):  # it has them as they are
             return found
         if not fails and _slowness(found[0]) <= 1.0:
             return found

@@ -204,6 +204,7 @@ _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most 
 BEYOND = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _MANY = 256  # configurations, in one of which a link must not overlap an obstacle
 _LESS = BEYOND  # [m] by which it may come nearer than the capsules on a path
+_BETWEEN = 1e-4  # [m] by which it may be, between the instants at which paths are checked
 
 
 def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> Clearance | None:
@@ -271,7 +272,8 @@ def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Cl
         least: along the paths (m,) [m].
         kept: numbers of those that the paths were kept from.
     """
-    bound = np.where(least < clearance.lower, -np.inf, clearance.lower)
+    bound = np.minimum(clearance.lower, least - _BETWEEN)
+    bound[least < clearance.lower] = -np.inf
     some = list(kept)
     bound[some] = np.minimum(clearance.lower[some], least[some] - _LESS)
     return replace(clearance, lower=bound)
