@@ -28,7 +28,8 @@ _BETTER = 0.95  # of the violation before, if that was larger
 _CORRECTED = 0.2  # of a violation, by one step
 _RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.3  # [rad or m], in problems as large as a robot's
 _LARGE = 10.0  # extent of a path [rad or m] that is larger than a robot's
-_WIDER, _NARROWER = 1.3, 1.5  # factors
+_WIDER, _NARROWER = 1.3, 1.5  # factors, the one where nodes move by this share of the radius
+_FAR = 0.7
 _STEPS, _LAST = 80, 2e-3  # relative decrease of the energy by the last step
 _PRECISION = 3e-3  # of a step, of the decrease of the energy by the one before
 _LEAST_SHARE, _REACH = 0.1, 3.0  # conditions that may count, as in `PathSamples.linearized`
@@ -75,7 +76,10 @@ def descend(definition: ProblemDefinition, solve: Solve, path: Path) -> tuple[Pa
         tried = ((after, _violation(samples, after)) for after in ends if step.stats.success)
         taken, found = next((each for each in tried if each[1] <= allowed), (None, violation))
         is_whole, is_last = taken is step.path, False
-        radius = min(_WIDER * radius, _MOST * size) if is_whole else radius / _NARROWER
+        if not is_whole:
+            radius /= _NARROWER
+        elif is_at_edge(path, step.path, _FAR * radius):
+            radius = min(_WIDER * radius, _MOST * size)
         if taken is not None:
             before, decrease = decrease, abs(energy - taken.discrete_energy) / (energy or 1.0)
             is_last = is_whole and violation <= _CLEAR and max(before, decrease) <= _LAST
