@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp import conditions as conditions_module
 from geodesic_ocp.ocp import descent as descent_module
 from geodesic_ocp.ocp import solver as solver_module
@@ -103,6 +105,23 @@ def test_every_step_of_a_descent_stays_clear(monkeypatch: pytest.MonkeyPatch) ->
     assert all(after < max(0.0031, before) for before, after in itertools.pairwise(worst))
     assert worst[-1] < 0.0031
     assert starts[-1].discrete_energy < starts[0].discrete_energy
+
+
+def test_a_descent_that_is_stopped_gives_its_path(tmp_path: Path) -> None:
+    problem, guess = beside_wall()
+    numbers = itertools.count()
+    solver = Solver(
+        *(problem, problem.definition(), parse_conditions(problem)),
+        *({}, lambda iterate: next(numbers) == 30, 1e-6),
+    )
+    solution = solver.descend(go.Grid(8, 4), guess)
+    assert solution is not None
+    assert solution.stats.status == STOPPED
+    assert next(numbers) == 31
+    assert solution.path.discrete_energy < guess.discrete_energy
+    solution.save(tmp_path / "stopped.json")
+    again = go.load_solution(tmp_path / "stopped.json", problem)
+    assert again.violations == solution.violations
 
 
 def test_conditions_are_linearized_at_all_samples_near_their_bounds(arm: go.Model) -> None:

@@ -177,8 +177,11 @@ class Solver:
             return solver._solve_nlp(nlp, {**_BESIDE, "max_iter": _FEW_ITERATIONS})
 
         path, last = descend(self.definition, solve, path)
-        if last.stats.status == STOPPED:
-            return last
+        if last.stats.status == STOPPED:  # the path that far, in the program of its own conditions
+            own = self.definition.restricted(may_become_active(self.definition.conditions, path))
+            nlp, alone = build_nlp(own, path.grid, path), replace(self, callback=None, ipopt={})
+            there = with_effort_of(last.stats, alone._solve_nlp(nlp, {"max_iter": 0}))
+            return replace(there, stats=replace(there.stats, success=False, status=STOPPED))
         finer = halved(path.grid, np.ones(path.grid.segments, dtype=bool))
         return with_effort_of(last.stats, self(finer, path, stays=True))
 
