@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -11,11 +13,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp import conditions as conditions_module
+from geodesic_ocp.ocp import descent as descent_module
 from geodesic_ocp.ocp import solver as solver_module
 from geodesic_ocp.ocp.conditions import CELLS
 from geodesic_ocp.ocp.nlp import build_nlp
 from geodesic_ocp.ocp.problem import Equality, Inequality, parse_conditions
+from geodesic_ocp.ocp.solver import Solver
+from geodesic_ocp.ocp.violations import excess_over_bounds, path_samples
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,73 @@ def test_a_path_beside_thin_bodies_does_not_jump_over_them() -> None:
     turn = 2.0 * (up + np.arcsin(0.03 / apart))
     shortest = 2.0 * np.sqrt(apart**2 - 0.03**2) + 0.03 * turn
     assert solution.path.length == pytest.approx(shortest, rel=1e-4)
+
+
+def test_every_step_of_a_descent_stays_clear(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With discs a hundredth as thick as a step is long, from a path that enters one by 2 cm."""
+    problem, _ = beside_wall()
+    guess = go.Path.through(problem.metric, [(-1.0, 0.0), (0.0, 0.81), (0.5, 1.5), (1.0, 0.0)])
+    starts = list[go.Path]()
+    step = descent_module._step
+
+    def seen(definition, samples, path, *rest):  # type: ignore[no-untyped-def]
+        starts.append(path)
+        return step(definition, samples, path, *rest)
+
+    monkeypatch.setattr(descent_module, "_step", seen)
+    solver = Solver(problem, problem.definition(), parse_conditions(problem), {}, None, 1e-6)
+    solution = solver.descend(go.Grid(8, 4), guess)
+    assert solution is not None
+    assert solution.stats.success
+    worst = [
+        max(0.03 - np.linalg.norm(path(np.linspace(0, 1, 5001))[:, None] - WALL, axis=2).min(), 0)
+        for path in starts
+    ]
+    assert len(starts) > 2
+    assert 0.015 < worst[0] < 0.03
+    assert all(after < max(0.0031, before) for before, after in itertools.pairwise(worst))
+    assert worst[-1] < 0.0031
+    assert starts[-1].discrete_energy < starts[0].discrete_energy
+
+
+def test_a_descent_that_is_stopped_gives_its_path(tmp_path: Path) -> None:
+    problem, guess = beside_wall()
+    numbers = itertools.count()
+    solver = Solver(
+        *(problem, problem.definition(), parse_conditions(problem)),
+        *({}, lambda iterate: next(numbers) == 30, 1e-6),
+    )
+    solution = solver.descend(go.Grid(8, 4), guess)
+    assert solution is not None
+    assert solution.stats.status == STOPPED
+    assert next(numbers) == 31
+    assert solution.path.discrete_energy < guess.discrete_energy
+    solution.save(tmp_path / "stopped.json")
+    again = go.load_solution(tmp_path / "stopped.json", problem)
+    assert again.violations == solution.violations
+
+
+def test_conditions_are_linearized_at_all_samples_near_their_bounds(arm: go.Model) -> None:
+    """Slopes of distances and limits on either side are those of finite differences."""
+    rod = go.Capsule((0.3, 0.3, 0.0), (0.3, 0.6, 0.2), 0.02, name="rod")
+    ends = (0.0, 0.2, -0.3, 0.8, 0.1, 0.0, 0.0), (0.3, -0.2, -0.1, 2.79, 0.2, 0.1, 0.1)
+    problem = go.PointToPoint(go.KineticEnergy(arm), *ends, limits=True, obstacles=(rod,))
+    path = problem.definition().initial_path(go.Grid(2, 4), None)
+    samples = path_samples(parse_conditions(problem))
+    s, excess, slopes = samples.linearized(path, np.inf)
+    at = samples(path)[0]
+    assert_allclose(s, np.tile(at, samples.lower.size))
+
+    def moved(change: np.ndarray) -> np.ndarray:
+        by = go.Path(path.metric, path.grid, path.nodes + change)
+        return excess_over_bounds(samples, samples._values(by, at)).ravel()
+
+    assert_allclose(excess, moved(np.zeros(7)))
+    for k, unit in enumerate(1e-6 * np.eye(7)):
+        assert_allclose(slopes[:, k], (moved(unit) - moved(-unit)) / 2e-6, rtol=0.0, atol=1e-6)
+    _, near, _ = samples.linearized(path, 0.1)
+    assert 0 < near.size < excess.size
+    assert near.min() > -0.1 * (2.79 - 0.8)  # the elbow, near its limit
 
 
 def test_a_search_among_many_bodies_ends(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -195,12 +195,15 @@ class Group(ShortRepr):
         z = known[self.inner][:, self.indices].reshape(-1, self.terms.size)
         return self.terms.at("value", z, np.tile(self.numbers, (len(q), 1)))[1].reshape(len(q), -1)
 
-    def slopes(self, q: Array, p: Array, rows: Indices) -> Array:
-        """Return the gradient (k, n) of one of the rows, (k,), at each q."""
+    def slopes(self, q: Array, p: Array, rows: Indices, at: Indices | None = None) -> Array:
+        """Return the gradients (k, n) of these rows, (k,), at each q, or at those of these indices,
+        (k,).
+        """
+        at = np.arange(len(q)) if at is None else at
         if self.inner is None:
-            return self.terms.jacobians(q, p)[1][np.arange(len(q)), rows]
-        at, own = np.arange(len(q))[:, None], self.indices[rows]
-        z, by_q = (each[at, own] for each in self.inner.jacobians(q, np.zeros(0)))
+            return self.terms.jacobians(q, p)[1][at, rows]
+        own = self.indices[rows]
+        z, by_q = (each[at[:, None], own] for each in self.inner.jacobians(q, np.zeros(0)))
         found: Array = (self.terms.jacobians(z, self.numbers[rows])[1] @ by_q)[:, 0]
         return found
 
@@ -314,6 +317,17 @@ class NodeBounds(ShortRepr):
         for rows in in_g:
             lower_g[rows.index], upper_g[rows.index] = rows.condition.lower, rows.condition.upper
         return cls(lower, upper, ends, lower_g, upper_g, grid, tuple(in_x), tuple(in_g))
+
+    def with_rows(self, upper: Array) -> NodeBounds:
+        """Return these and upper bounds of further constraint functions, the last ones."""
+        lower, first = np.full(upper.size, -np.inf), self.lower_g.size
+        rows = Condition("linearized conditions", ca.SX(upper.size, 1), lower, upper, None)
+        return replace(
+            self,
+            lower_g=np.append(self.lower_g, lower),
+            upper_g=np.append(self.upper_g, upper),
+            _in_g=(*self._in_g, _Rows(rows, first + np.arange(upper.size)[None])),
+        )
 
     def worst(self, x: Array, g: Array) -> tuple[float, str]:
         """Return largest violation at the nodes and the name of its condition; NaN counts as

@@ -1,8 +1,10 @@
-"""From a path that is clear of many bodies to one of least energy that is, by short steps.
+"""From a path that is clear of many bodies to one of less energy that is, by short steps.
 
-From one program to the next, nodes move by at most a radius, so that the path neither jumps over
-thin bodies between its nodes nor is far from where its rows were chosen (a trust region: Nocedal
-and Wright, *Numerical Optimization* (2006), chapter 4).
+Each step is a program of least energy in which the conditions are linear, as they are near the
+path, at its nodes and between them, and nodes move by at most a radius (sequential convex
+programming: Schulman et al., IJRR 33 (2014); trust regions: Nocedal and Wright, *Numerical
+Optimization* (2006), chapter 4). A step is taken, or half of it, if the path stays clear, also
+between its nodes, so that it never jumps over thin bodies.
 """
 
 from __future__ import annotations
@@ -12,25 +14,31 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
+import scipy.sparse
 
+from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.ipopt import STOPPED
-from geodesic_ocp.ocp.nlp import ProblemDefinition
-from geodesic_ocp.ocp.refinement import halved, worst_by_segment
+from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.solution import Solution, with_effort_of
-from geodesic_ocp.ocp.violations import joined, left_out, may_become_active, path_samples
+from geodesic_ocp.ocp.violations import PathSamples, path_samples
 from geodesic_ocp.trajectory.path import Path
 
-_CLEAR, _MET = 1e-2, 1e-3  # violations anywhere on a path, and at the nodes of an unfinished step
-_RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.25  # [rad or m], in problems as large as a robot's
+_CLEAR = 3e-3  # violation anywhere on a path
+_BETTER = 0.95  # of the violation before, if that was larger
+_CORRECTED = 0.2  # of a violation, by one step
+_RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.3  # [rad or m], in problems as large as a robot's
 _LARGE = 10.0  # extent of a path [rad or m] that is larger than a robot's
-_WIDER, _NARROWER = 1.3, 1.5  # factors
-_SHARES = 1.0, 0.5, 0.25  # of a step, of which the longest that is clear is taken
-_STEPS, _MOST_SEGMENTS = 40, 64
+_WIDER, _NARROWER = 1.3, 1.5  # factors, the one where nodes move by this share of the radius
+_FAR = 0.7
+_STEPS, _LAST = 80, 2e-3  # relative decrease of the energy by the last step
+_PRECISION = 3e-3  # of a step, of the decrease of the energy by the one before
+_LEAST_SHARE, _REACH = 0.1, 3.0  # conditions that may count, as in `PathSamples.linearized`
+_AT_FIRST = 0.1  # of what a step may change: conditions that are part of its first program
+_ROUNDS, _NEGLIGIBLE = 6, 1e-5  # in which others are added; violations of them
 _EDGE = 0.99  # of the radius
 
-# From a problem with some conditions, a path, the radius, and the solution whose path this is, if
-# there is one, to the solution, or the last iterate.
-Step: TypeAlias = Callable[[ProblemDefinition, Path, float, Solution | None], Solution]
+# From a program, the radius, and the tolerance to its solution, or the last iterate.
+Solve: TypeAlias = Callable[[NLP, float, float], Solution]
 
 
 def is_at_edge(before: Path, after: Path, radius: float) -> bool:
@@ -49,59 +57,78 @@ def size_of(path: Path) -> float:
     return max(1.0, float(np.ptp(path.nodes, axis=0).max()) / _LARGE)
 
 
-def descend(definition: ProblemDefinition, solve: Step, path: Path) -> Solution:
-    """Return the solution that short steps from a clear path lead to, or the last iterate.
-
-    A step through a body is shortened; if that does not help, it is repeated with the conditions
-    that it violates, or with its segments halved where it violates none but those it knows.
+def descend(definition: ProblemDefinition, solve: Solve, path: Path) -> tuple[Path, Solution]:
+    """Return the path that short steps from a nearly clear path lead to, which is nearly of least
+    energy, and the solution of the last step.
     """
-    conditions = definition.conditions
-    samples = path_samples(conditions)
-    size, kept = size_of(path), may_become_active(conditions, path)
-    radius = _RADIUS * size
-    before: Solution | None = None
-    last: Solution | None = None
-    is_held = False
+    samples = path_samples(definition.conditions)
+    without = replace(definition.restricted({}), key=None)
+    size, radius = size_of(path), _RADIUS * size_of(path)
+    energy, violation = path.discrete_energy, _violation(samples, path)
+    decrease, last = 1.0, None
     for _ in range(_STEPS):
-        found = solve(definition.restricted(kept), path, radius, before)
-        last = found if last is None else with_effort_of(last.stats, found)
-        stats, is_held = found.stats, is_at_edge(path, found.path, radius)
-        if stats.status == STOPPED:
+        step = _step(without, samples, path, radius, _PRECISION * decrease, solve)
+        last = step if last is None else with_effort_of(last.stats, step)
+        if last.stats.status == STOPPED:
             break
-        is_less = found.path.discrete_energy < path.discrete_energy
-        usable = stats.success or (stats.max_node_violation <= _MET and is_less)
-        missing = left_out(conditions, kept, found.path) if usable else {}
-        steps = [(share, _part(path, found.path, share)) for share in _SHARES if usable]
-        clear = (each for each in steps if samples.excess(each[1], roughly=True)[1].max() <= _CLEAR)
-        before = None
-        if (first := next(clear, None)) is not None:
-            share, after = first
-            path, is_whole = after, share == 1.0
-            if is_whole and stats.success and not missing and not is_held:
-                break
-            if not is_whole:
-                radius /= _NARROWER
-            elif is_held:
-                radius = min(_WIDER * radius, _MOST * size)
-            before = found if is_whole and stats.success else None
-            kept = joined(missing, may_become_active(conditions, path))
-            continue
-        if not missing:
-            coarse = worst_by_segment(found.path, samples.excess(found.path)) > _CLEAR
+        ends = [step.path, Path(path.metric, path.grid, (path.nodes + step.path.nodes) / 2.0)]
+        allowed = max(_CLEAR, _BETTER * violation)
+        tried = ((after, _violation(samples, after)) for after in ends if step.stats.success)
+        taken, found = next((each for each in tried if each[1] <= allowed), (None, violation))
+        is_whole, is_last = taken is step.path, False
+        if not is_whole:
             radius /= _NARROWER
-            if not usable or path.grid.segments + coarse.sum() > _MOST_SEGMENTS:
-                radius /= _NARROWER
-            else:
-                path = Path(path.metric, grid := halved(path.grid, coarse), path(grid.nodes))
-        if radius < _LEAST * size:
+        elif is_at_edge(path, step.path, _FAR * radius):
+            radius = min(_WIDER * radius, _MOST * size)
+        if taken is not None:
+            before, decrease = decrease, abs(energy - taken.discrete_energy) / (energy or 1.0)
+            is_last = is_whole and violation <= _CLEAR and max(before, decrease) <= _LAST
+            path, energy, violation = taken, taken.discrete_energy, found
+        if radius < _LEAST * size or is_last:
             break
-        kept = joined(kept, missing, may_become_active(conditions, path))
     assert last is not None
-    return still_moving(last) if is_held and last.stats.success else last
+    return path, last
 
 
-def _part(start: Path, end: Path, share: float) -> Path:
-    """Return the path that is a share of the way from one to another on the same grid."""
-    if share == 1.0:
-        return end
-    return Path(start.metric, start.grid, start.nodes + share * (end.nodes - start.nodes))
+def _violation(samples: PathSamples, path: Path) -> float:
+    return float(samples.excess(path)[1].max())
+
+
+def _step(
+    definition: ProblemDefinition,
+    samples: PathSamples,
+    path: Path,
+    radius: float,
+    tolerance: float,
+    solve: Solve,
+) -> Solution:
+    """Return the solution of one step, of the definition without conditions in q along the path.
+
+    Of the linear conditions, those enter that are nearly met with equality, and then those that the
+    solution violates.
+    """
+    nlp, grid = build_nlp(definition, path.grid, path), path.grid
+    extent = max(float(np.ptp(path.nodes, axis=0).max()), radius)
+    s, excess, slopes = samples.linearized(path, max(_LEAST_SHARE, _REACH * radius / extent))
+    weights = grid.interpolate(grid.in_segments(np.eye(grid.size)), s)  # of the nodes, at s
+    change = radius * np.abs(slopes).sum(axis=1)
+    free = np.any(nlp.bounds.lower < nlp.bounds.upper, axis=1)
+    near = (excess > -change) & np.any(weights[:, free] != 0.0, axis=1)
+    excess, slopes, weights, change = (each[near] for each in (excess, slopes, weights, change))
+    most = np.where(excess > 0.0, -_CORRECTED * excess, -excess)
+    chosen = excess > -_AT_FIRST * change
+
+    def solve_with(before: Solution | None) -> Solution:
+        rows = (weights[chosen][:, :, None] * slopes[chosen][:, None]).reshape(-1, path.nodes.size)
+        matrix = scipy.sparse.csr_array(rows * nlp.units.length)
+        found = solve(nlp.with_linear(matrix, most[chosen]), radius, tolerance)
+        return found if before is None else with_effort_of(before.stats, found)
+
+    def examine(number: int, found: Solution) -> tuple[Solution, Solution | None]:
+        nonlocal chosen
+        moved = weights @ (found.path.nodes - path.nodes)
+        added = ((slopes * moved).sum(axis=1) > most + _NEGLIGIBLE) & ~chosen
+        chosen = chosen | added
+        return found, found if found.stats.success and np.any(added) else None
+
+    return in_rounds(None, solve_with, examine, _ROUNDS)

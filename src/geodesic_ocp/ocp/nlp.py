@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
@@ -149,6 +150,17 @@ class NLP(ShortRepr):
         """Largest violation of any condition at the nodes of the initial guess."""
         _, g = self.transcription.value(self.units.scaled(self.nodes).ravel(), self.p)
         return self.bounds.worst(self.nodes, g.full()[:, 0])[0]
+
+    def with_linear(self, matrix: scipy.sparse.sparray, most: Array) -> NLP:
+        """Return the program with linear conditions, A (x - x0) <= most (rows,), from the guess x0.
+
+        Args:
+            matrix: A, (rows, size * n).
+            most: in the unit of A x.
+        """
+        upper = most + matrix @ self.values["x0"]
+        transcription = replace(self.transcription, linear=matrix)
+        return replace(self, transcription=transcription, bounds=self.bounds.with_rows(upper))
 
     def not_finite(self) -> list[str]:
         """Get names of the expressions that are not finite or not differentiable on the guess."""

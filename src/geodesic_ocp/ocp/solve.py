@@ -297,12 +297,12 @@ class _Search:
         first, own = self._grids(guess)
         solver = self.solver if first is own else replace(self.solver, tolerance=LOOSE)
         solution = solver.solve_from(first, guess)
-        is_path = isinstance(guess, Path) and self.grid is None and not self.solver.conditions.via
-        strays = solution.stats.max_path_violation > FEASIBLE
-        fails = is_path and (strays or not solution.stats.success)
-        if fails and (path := self.solver.among_bodies(own, guess)) is not None:
-            return with_effort_of(solution.stats, self.solver.descend(path))
-        while is_path and solution.stats.max_path_violation > FEASIBLE:
+        if not isinstance(guess, Path) or self.grid is not None or self.solver.conditions.via:
+            return solution
+        fails = not solution.stats.success or solution.stats.max_path_violation > FEASIBLE
+        if fails and (found := self.solver.descend(own, guess)) is not None:
+            return with_effort_of(solution.stats, found)
+        while solution.stats.max_path_violation > FEASIBLE:
             first = own if first is not own else halved(own, np.ones(own.segments, dtype=bool))
             if not solution.stats.success or first.segments > _MOST_SEGMENTS:
                 break

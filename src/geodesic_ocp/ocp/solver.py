@@ -19,7 +19,7 @@ from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.descent import descend, is_at_edge, size_of, still_moving
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
-from geodesic_ocp.ocp.refinement import with_optimal_via_points
+from geodesic_ocp.ocp.refinement import halved, with_optimal_via_points
 from geodesic_ocp.ocp.solution import Solution, Stats, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import (
@@ -38,6 +38,7 @@ from geodesic_ocp.trajectory.path import Path
 _STIFF, _COARSE = 8, Grid(4, 4)
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 LOOSE, MODERATE, TIGHT = 1e-6, 1e-8, 1e-10
+_ROUGH = 1e-4  # of a step of a descent, at most
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
 _STEP = 0.1
@@ -54,11 +55,12 @@ _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 _BESIDE = {**_NEAR, "mu_init": 1e-3}
 FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
 # Among many bodies, nodes of a solution move by at most this [rad or m] from one program to the
-# next, `_GROWTH` times as far where they did: from a small barrier, Ipopt's first steps may lead
-# far away, and through thin bodies.
-_WITHIN, _FARTHEST, _GROWTH = 0.02, 0.1, 3.0
+# next, `_GROWTH` times as far where they did, and less after a failure: from a small barrier,
+# Ipopt's first steps may lead far away, and through thin bodies.
+_WITHIN, _CLOSEST, _FARTHEST, _GROWTH = 0.02, 0.003, 0.1, 3.0
 _NEARBY = 0.03  # rows for such steps: bounds within this share of the range of a condition's values
 _SMALL_BARRIER = 1e-6  # from a solution on a coarser grid among many bodies
+_NEARLY_CLEAR = 3e-2  # violation along a path from which steps lead to a clear one
 _STRAYS = 2  # solves from a path whose solutions jump through bodies, before other grids are tried
 _FEW_ITERATIONS = 100  # of Ipopt, for one step of a descent
 # If there are multipliers as well, it need not estimate them.
@@ -83,8 +85,8 @@ _MOST_ROUNDS, _FAILURES = 20, 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 _Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 # Iterations of Ipopt after which no other guess is tried, and among many bodies, where each takes
-# long, no other program; those with more variables count for more.
-MOST_ITERATIONS, _VARIABLES = 2000, 500
+# long, no other program; where variables and rows are more than `_SIZE`, they count for more.
+MOST_ITERATIONS, _SIZE = 2000, 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,23 +104,30 @@ class Solver:
     within: float = np.inf  # how far [rad or m] nodes may move from a guess
 
     def __call__(
-        self, grid: Grid, guess: Path | Solution | None, known: Kept = MappingProxyType({})
+        self,
+        grid: Grid,
+        guess: Path | Solution | None,
+        known: Kept = MappingProxyType({}),
+        stays: bool = False,
     ) -> Solution:
         """Return the solution or last iterate on a grid, from a path or another solution.
 
         Of many conditions, those far from their bounds are left out until a path violates them,
         unless they are known to count.
+
+        Args:
+            known: conditions that count.
+            stays: whether the solution is searched near a path, too.
         """
         whole = self.definition.conditions
         if not whole.are_many:
             return self._solve_on(grid, guess)
-        is_near = isinstance(guess, Solution)
+        is_near = stays or isinstance(guess, Solution)
         given = guess.path if isinstance(guess, Solution) else guess
         path = self.definition.initial_path(grid, given)
-        within, share = np.inf, MAY_CHANGE
+        within, share, size = np.inf, MAY_CHANGE, size_of(path)
         if is_near:
-            within, share = _WITHIN * size_of(path), _NEARBY
-        farthest = _FARTHEST / _WITHIN * within
+            within, share = _WITHIN * size, _NEARBY
         first = self.definition.restricted(joined(known, may_become_active(whole, path, share)))
 
         def solve(start: _Start) -> Solution:
@@ -130,72 +139,78 @@ class Solver:
             nonlocal path, within
             kept, is_held = found.iterate.nlp.conditions.kept, is_at_edge(path, found.path, within)
             missing = left_out(whole, kept, found.path)
-            fails = not found.stats.success and number >= _FAILURES
-            if found.stats.status == STOPPED or fails or not (missing or is_held):
+            failed, is_closest = not found.stats.success, within <= _CLOSEST * size
+            fails = failed and (is_closest if is_near else number >= _FAILURES)
+            again = missing or is_held or (failed and is_near)
+            if found.stats.status == STOPPED or fails or not again:
                 return found, None
             strays = guess is not None and found.stats.max_path_violation > FEASIBLE
-            if strays and (not missing if is_near else number >= _STRAYS):
+            if strays and (not (missing or failed) if is_near else number >= _STRAYS):
                 return found, None
             if is_held and number + 1 == _MOST_ROUNDS:
                 return still_moving(found), None
             near = {} if strays else may_become_active(whole, found.path, share)
             more = self.definition.restricted(joined(kept, missing, near))
-            if strays or not found.stats.success:
+            if strays or failed:
                 within /= _GROWTH
                 return found, (more, path if is_near else guess)
             path = found.path
-            within *= _GROWTH if is_held and within < farthest else 1.0
+            within *= _GROWTH if is_held and within < _FARTHEST * size else 1.0
             return found, (more, found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
 
-    def among_bodies(self, grid: Grid, guess: Path | Solution | None) -> Path | None:
-        """Return a guess on a grid if there are many conditions and it meets them, else None."""
-        whole = self.definition.conditions
-        if not (isinstance(guess, Path) and whole.are_many):
+    def descend(self, grid: Grid, guess: Path) -> Solution | None:
+        """Return the solution from a path, by short steps and then on a grid of twice as many
+        segments; None if there are few conditions, or the path is not nearly clear of them.
+        """
+        if not self.conditions.are_many:
             return None
         path = self.definition.initial_path(grid, guess)
-        worst = path_samples(whole).excess(path, roughly=True)[1].max()
-        return path if worst <= FEASIBLE else None
+        samples = path_samples(self.definition.conditions)
+        if samples.excess(path, roughly=True)[1].max() > _NEARLY_CLEAR:
+            return None
 
-    def descend(self, path: Path) -> Solution:
-        """Return the solution from a path that meets the conditions, by steps that go on to."""
+        def solve(nlp: NLP, within: float, tolerance: float) -> Solution:
+            tolerance = float(np.clip(tolerance, LOOSE, _ROUGH))
+            solver = replace(self, definition=nlp.definition, tolerance=tolerance, within=within)
+            return solver._solve_nlp(nlp, {**_BESIDE, "max_iter": _FEW_ITERATIONS})
 
-        def step(
-            definition: ProblemDefinition, path: Path, within: float, before: Solution | None
-        ) -> Solution:
-            solver = replace(self, definition=definition, tolerance=LOOSE, within=within)
-            nlp = build_nlp(definition, path.grid, path)
-            if before is None:
-                return solver._solve_nlp(nlp, {**_BESIDE, "max_iter": _FEW_ITERATIONS})
-            warm = {**_NEAR, **_WARM_START, "mu_init": _MODERATE_BARRIER}
-            warm["max_iter"] = _FEW_ITERATIONS
-            return solver._solve_nlp(nlp, warm, _multipliers(nlp, before))
-
-        return descend(self.definition, step, path)
+        path, last = descend(self.definition, solve, path)
+        if last.stats.status == STOPPED:  # the path that far, in the program of its own conditions
+            own = self.definition.restricted(may_become_active(self.definition.conditions, path))
+            nlp, alone = build_nlp(own, path.grid, path), replace(self, callback=None, ipopt={})
+            there = with_effort_of(last.stats, alone._solve_nlp(nlp, {"max_iter": 0}))
+            return replace(there, stats=replace(there.stats, success=False, status=STOPPED))
+        finer = halved(path.grid, np.ones(path.grid.segments, dtype=bool))
+        return with_effort_of(last.stats, self(finer, path, stays=True))
 
     def _solve_on(self, grid: Grid, guess: Path | Solution | None) -> Solution:
         """Return the solution or last iterate under the conditions of this solver."""
+        is_held = self.within < np.inf
+        near = {**_NEAR, "max_iter": _FEW_ITERATIONS} if is_held else _NEAR
         if isinstance(guess, Solution):
             nlp = build_nlp(self.definition, grid, guess.path)
             if nlp.violation <= _NEARLY and (multipliers := _multipliers(nlp, guess)):
                 warm = {**_NEAR, **_WARM_START}
-                if self.within < np.inf:
+                if is_held:
                     warm["mu_init"] = _SMALL_BARRIER
-                is_first = self.within in (np.inf, _WITHIN * size_of(guess.path))
-                if nlp.violation > _CHANGED or not is_first:
+                if nlp.violation > _CHANGED or (is_held and guess.path.grid == grid):
                     warm["mu_init"] = _MODERATE_BARRIER
                 found = self._solve_nlp(nlp, warm, multipliers)
                 if not found.stats.success and found.stats.status != STOPPED:
-                    found = with_effort_of(found.stats, self._solve_nlp(nlp, _NEAR))
+                    found = with_effort_of(found.stats, self._solve_nlp(nlp, near))
             else:
-                found = self._solve_nlp(nlp, _NEAR)
+                found = self._solve_nlp(nlp, near)
             return self._optimize_via(found)
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
         nlp = build_nlp(self.definition, grid, guess)
-        near = _BESIDE if guess is not None and nlp.violation <= FEASIBLE else {}
+        if is_held:
+            near = {**near, "mu_init": _MODERATE_BARRIER}
+        else:
+            near = _BESIDE if guess is not None and nlp.violation <= FEASIBLE else {}
         return self._optimize_via(self._solve_nlp(nlp, near))
 
     def solve_from(self, grid: Grid, start: Path | Solution | None) -> Solution:
@@ -252,7 +267,8 @@ class Solver:
             outcome = _shared_ipopt(self.definition, shape, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
-        self.spent.append(int(outcome.iterations * max(1.0, outcome.x.size / _VARIABLES)))
+        size = (outcome.x.size + outcome.g.size) / _SIZE
+        self.spent.append(int(outcome.iterations * max(1.0, size)))
         if is_spent and not outcome.success:
             status = f"no solution was found in {MOST_ITERATIONS} iterations of Ipopt"
             outcome = replace(outcome, status=status)

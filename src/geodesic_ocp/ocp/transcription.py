@@ -161,11 +161,13 @@ class Transcription(ShortRepr):
         terms: terms of the problem.
         grid: grid of the nodes, with equal segments.
         s: parameters of the nodes, by which distances are part of the program or not.
+        linear: matrix (rows, size * n) of linear constraint functions of x, the last of all.
     """
 
     terms: PathTerms
     grid: Grid
     s: Array
+    linear: scipy.sparse.sparray | None = None
     _shown = ("grid",)
 
     @property
@@ -278,6 +280,8 @@ class Transcription(ShortRepr):
         if terms.in_segments.size_g:
             at_own = np.stack([np.eye(grid.degree + 1), grid.differentiation[0]], axis=1)
             blocks.append(states(terms.in_segments, at_own))
+        if self.linear is not None and self.linear.shape[0]:
+            blocks.append(Block(Terms(z := ca.SX.sym("z"), constraints=z), self.linear))
         return blocks
 
     @property

@@ -77,6 +77,26 @@ class PathSamples:
             s, values = self._of_last(path)
         return s, excess_over_bounds(self, values).max(axis=0, initial=0.0)
 
+    def linearized(self, path: Path, share: float) -> tuple[Array, Array, Array]:
+        """Return s (m,), excess (m,) and its gradient by q (m, n) of conditions in q and bounds of
+        coordinates, at samples where it is nearer to zero than a share of its range along the path.
+        """
+        s, values = self._of_last(path)
+        excess = excess_over_bounds(self, values)
+        near = excess > -share * np.ptp(values, axis=1, keepdims=True)
+        c, q = self._conditions, path(s)
+        coordinates = [each for condition in c.bounds for each in condition.coordinates or ()]
+        rows, at = np.nonzero(near[: len(coordinates)])
+        parts = [(rows, at, np.eye(q.shape[1])[np.array(coordinates, dtype=int)[rows]])]
+        first = len(coordinates)
+        for group in c.groups:
+            rows, at = np.nonzero(near[first : first + group.bounds[0].size])
+            parts.append((first + rows, at, group.slopes(q, c.p_values, rows, at)))
+            first += group.bounds[0].size
+        rows, at, slopes = (np.concatenate(each) for each in zip(*parts, strict=True))
+        is_above = values[rows, at] - self.upper[rows] >= excess[rows, at]
+        return s[at], excess[rows, at], np.where(is_above, 1.0, -1.0)[:, None] * slopes
+
     def _sampled(self, path: Path) -> tuple[Array, Array]:
         s = sample_parameters(path)
         values = self._values(path, s)
