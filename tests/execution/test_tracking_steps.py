@@ -50,7 +50,7 @@ def test_firm_conditions_give_way_last() -> None:
     x, y = least_squares(StepConditions(rows, least, most))
     assert x + y < 1.5 - 0.01
     assert y > 0.2 + 0.01
-    # Where bounds do not allow a firm one, it is met as far as they do.
+    # Where bounds do not allow a hard one, it is met as far as they do.
     found = least_squares(StepConditions(rows[:1], np.array([3.0]), most[:1], 1))
     assert_allclose(found, [1.0, 1.0], atol=1e-6)
 

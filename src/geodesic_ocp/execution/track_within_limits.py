@@ -272,7 +272,7 @@ class Tracker:
         self, q: Array, previous: Array, force: Array | None, near: Array
     ) -> StepConditions:
         """Return conditions on the speeds of a step that begins at q (n,), linear near some (n,):
-        firm ones on torques at its beginning and on their change, and others on the torques that
+        hard ones on torques at its beginning and on their change, and others on the torques that
         hold the arm and on the hands' speed in its direction.
         """
         weight, slope = evaluate(_holding(self.model), q, self.gravity)
@@ -420,12 +420,12 @@ def _braking(room: Array, change: Array, step: float) -> Array:
 
 
 class StepConditions(NamedTuple):
-    """Conditions lower <= A x <= upper, with A `matrix` (k, n), of which the first are firm."""
+    """Conditions lower <= A x <= upper, with A `matrix` (k, n), of which the first are hard."""
 
     matrix: Array
     lower: Array
     upper: Array
-    firm: int = 0
+    hard: int = 0
 
 
 def box_least_squares(
@@ -445,7 +445,7 @@ def box_least_squares(
         gradient: g (n,).
         lower, upper: bounds (n,), which may be infinite or equal.
         conditions: further ones. They are violated, by as little as possible, where bounds do not
-            allow them; the firm ones only then, and others also where those do not allow them.
+            allow them; the hard ones only then, and others also where those do not allow them.
 
     Raises:
         NotConverged: DAQP finds no minimum, from rounding.
@@ -453,11 +453,11 @@ def box_least_squares(
     count = gradient.size
     rows = conditions or StepConditions(np.empty((0, count)), *np.empty((2, 0)))
     every = len(rows.matrix)
-    # Numbers of firm conditions and of all; at last the firm ones alone, none of them firm.
-    for firm, last in dict.fromkeys([(rows.firm, every), (0, rows.firm or every)]):
+    # Numbers of hard conditions and of all; at last the hard ones alone, none of them hard.
+    for hard, last in dict.fromkeys([(rows.hard, every), (0, rows.hard or every)]):
         most, least = np.append(upper, rows.upper[:last]), np.append(lower, rows.lower[:last])
         kinds = np.full(count + last, _SOFT, dtype=np.intc)
-        kinds[: count + firm] = 0
+        kinds[: count + hard] = 0
         problem = hessian, gradient, rows.matrix[:last], most, least, kinds
         x, _, flag, _ = daqp.solve(*problem, primal_tol=_ACCURACY)
         if flag in (1, 2):  # 2: with soft conditions violated

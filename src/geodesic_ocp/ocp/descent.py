@@ -63,7 +63,8 @@ def descend(definition: ProblemDefinition, solve: Solve, path: Path) -> tuple[Pa
     """
     samples = path_samples(definition.conditions)
     without = replace(definition.restricted({}), key=None)
-    size, radius = size_of(path), _RADIUS * size_of(path)
+    size = size_of(path)
+    radius = _RADIUS * size
     energy, violation = path.discrete_energy, _violation(samples, path)
     decrease, last = 1.0, None
     for _ in range(_STEPS):
