@@ -20,7 +20,7 @@ _IPOPT = {
     "print_level": 0,
     "sb": "yes",
     "honor_original_bounds": "yes",
-    # Multipliers of fixed variables would take another gradient in each iteration.
+    # Multipliers of fixed variables would take another gradient in each iteration: they are zero.
     "fixed_variable_treatment": "make_parameter_nodual",
 }
 NO_VALUE = "not finite, or not differentiable"
@@ -187,21 +187,11 @@ class Ipopt:
         if word in _INTERRUPTED and (self.relay is None or not self.relay.stopped):
             raise KeyboardInterrupt
         status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
-        arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]
+        x, g, lam_x, lam_g = (result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g"))
         added = stats["iterations"]["regularization_size"] if stats["iter_count"] else [1.0]
         success = bool(stats["success"]) and word == "Solve_Succeeded"
-        success = success and all(np.all(np.isfinite(array)) for array in arrays)
+        success = success and bool(np.isfinite(np.concatenate([x, g, lam_x, lam_g])).all())
         iterations, objective = int(stats["iter_count"]), float(result["f"])
-        x, g, lam_x, lam_g = arrays
-        if (fixed := np.equal(values.get("lbx", -np.inf), values.get("ubx", np.inf))).any():
-            lam_x = np.where(fixed, -self._gradient(x, lam_g, values.get("p", [])), lam_x)
         return Outcome(
             success, status, iterations, seconds, objective, x, g, lam_x, lam_g, added[-1] > 0.0
         )
-
-    def _gradient(self, x: Array, lam_g: Array, p: Any) -> Array:
-        """Return the gradient of the Lagrangian (n,) without the bounds of the variables."""
-        at = [ca.DM(x), ca.DM(p)]
-        _, gradient = self._solver.get_function("nlp_grad_f").call(at)
-        _, jacobian = self._solver.get_function("nlp_jac_g").call(at)
-        return np.asarray((gradient.T + ca.DM(lam_g).T @ jacobian).full()[0])

@@ -155,7 +155,7 @@ def test_iterate_that_is_not_a_number_is_saved(tmp_path: Path) -> None:
     assert not failed.stats.success
     file = failed.save(tmp_path / "solution.json")
     record = json.loads(file.read_text(), parse_constant=pytest.fail)
-    assert record["stats"]["max_path_violation"] == "nan"
+    assert record["stats"]["max_path_violation"] == "inf"
     again = go.load_solution(file, Undefined(1.0))
     assert again.stats.status == failed.stats.status
     assert again.record() == failed.record()

@@ -220,7 +220,7 @@ def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -
         bad.write_text(json.dumps(record | {part: record[part] | {key: value}}))
         with pytest.raises(go.RecordingError, match=message):
             go.load_solution(bad, PlaneAroundDisc())
-    bad.write_text(json.dumps(record | {"multipliers": None}))
+    bad.write_text(json.dumps(record | {"nodes": None}))
     with pytest.raises(go.RecordingError):
         go.load_solution(bad, PlaneAroundDisc())
     bad.write_text("[" * 100_000)

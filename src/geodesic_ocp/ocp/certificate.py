@@ -31,18 +31,27 @@ class FinalIterate:
 
     Attributes:
         nlp: the NLP.
-        x, lam_x, lam_g: variables and multipliers in its units.
+        x: variables in its units.
+        lam_bounds: multipliers of the bounds of variables that are not fixed.
+        lam_g: multipliers of the constraint functions.
     """
 
     nlp: NLP
     x: Array
-    lam_x: Array
+    lam_bounds: Array
     lam_g: Array
 
     @cached_property
     def path(self) -> Path:
         """Path of the iterate, in the problem's units."""
         return self.nlp.path(self.x)
+
+    @cached_property
+    def lam_x(self) -> Array:
+        """Multipliers of all bounds; at fixed variables they balance the other forces."""
+        fixed = (self.nlp.bounds.lower == self.nlp.bounds.upper).ravel()
+        forces = self.gradient() + self.constraints[1].T @ self.lam_g
+        return np.where(fixed, -forces, self.lam_bounds)
 
     def gradient(self) -> Array:
         """Return gradient of the objective."""

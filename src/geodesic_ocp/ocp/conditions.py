@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -341,7 +341,7 @@ class NodeBounds(ShortRepr):
             violations.append((float(np.max(excess, initial=0.0)), condition.name))
         return max(violations, key=lambda pair: pair[0])
 
-    def multipliers(self, lam_x: Array, lam_g: Array) -> Mapping[str, Array]:
+    def multipliers(self, lam_x: Array, lam_g: Array) -> dict[str, Array]:
         """Return multipliers by the condition's name, (m,) at the ends and (nodes, m) along the
         path.
         """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path as FilePath
@@ -19,6 +19,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace
 from geodesic_ocp.ocp.certificate import Certificate, FinalIterate, certify_iterate
+from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
 from geodesic_ocp.records import as_json, write_record
@@ -188,22 +189,17 @@ class Solution:
 
     Attributes:
         problem: the problem that was solved.
+        conditions: all its conditions; the NLP may have some of them.
         path: the path that was found.
         stats: statistics of the solve; `stats.success` distinguishes a solution from an iterate.
-        violations: conditions that the path violates, between its nodes included, the worst first.
         iterate: the NLP's last iterate, in its units.
-        multipliers: derivatives of the least energy by the value of each condition, by its name,
-            with Ipopt's sign (positive for an active upper bound): (m,) at an end, (nodes, m) along
-            the path, and for conditions in q and v (segments * (degree + 1), m), as interior
-            breakpoints belong to two segments.
     """
 
     problem: Problem
+    conditions: Conditions
     path: Path
     stats: Stats
-    multipliers: Mapping[str, Array]
-    violations: tuple[Violation, ...]
-    iterate: FinalIterate = field(repr=False)
+    iterate: FinalIterate
 
     def __repr__(self) -> str:
         stats, kind = self.stats, type(self.problem).__name__
@@ -217,6 +213,24 @@ class Solution:
         if "certificate" in self.__dict__:  # computing it takes longer than a repr may
             lines.append(f"  {self.certificate}")
         return "\n".join(lines)
+
+    @cached_property
+    def violations(self) -> tuple[Violation, ...]:
+        """Conditions that the path violates, between its nodes included, the worst first."""
+        return find_violations(self.conditions, self.path)
+
+    @cached_property
+    def multipliers(self) -> Mapping[str, Array]:
+        """Derivatives of the least energy by the value of each condition, by its name, with Ipopt's
+        sign (positive for an active upper bound): (m,) at an end, (nodes, m) along the path, and
+        for conditions in q and v (segments * (degree + 1), m), as interior breakpoints belong to
+        two segments.
+        """
+        iterate, units = self.iterate, self.iterate.nlp.units
+        sizes = {each.name: (self.path.grid.size, each.size) for each in self.conditions.along_q}
+        others: dict[str, Array] = {name: np.zeros(size) for name, size in sizes.items()}
+        lam_x, lam_g = units.scale / units.length * iterate.lam_x, units.scale * iterate.lam_g
+        return others | iterate.nlp.bounds.multipliers(lam_x, lam_g)
 
     @cached_property
     def certificate(self) -> Certificate:

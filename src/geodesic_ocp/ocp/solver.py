@@ -25,7 +25,6 @@ from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import (
     MAY_CHANGE,
     Kept,
-    find_violations,
     joined,
     left_out,
     may_become_active,
@@ -299,7 +298,7 @@ class Solver:
 def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
     """Return another solution's multipliers in the NLP's units; none if conditions differ."""
     old, units = before.iterate, nlp.units
-    carried = nlp.bounds.carried(old.lam_x, old.lam_g, old.nlp.bounds)
+    carried = nlp.bounds.carried(old.lam_bounds, old.lam_g, old.nlp.bounds)
     if carried is None:
         return {}
     energies = old.nlp.units.scale / units.scale
@@ -323,7 +322,7 @@ def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outco
     iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
     path = iterate.path
     violation, worst = bounds.worst(path.nodes, outcome.g)
-    violations = find_violations(conditions, path)
+    between = path_samples(conditions).excess(path)[1].max()
     stats = Stats(
         success=outcome.success,
         status=outcome.status,
@@ -335,9 +334,6 @@ def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outco
         energy=path.discrete_energy,
         max_node_violation=violation,
         worst_constraint=worst,
-        max_path_violation=violations[0].amount if violations else 0.0,
+        max_path_violation=max(violation, float(between)),
     )
-    lam_x = units.scale / units.length * outcome.lam_x.reshape(path.nodes.shape)
-    others = {each.name: np.zeros((path.grid.size, each.size)) for each in conditions.along_q}
-    multipliers = {**others, **bounds.multipliers(lam_x, units.scale * outcome.lam_g)}
-    return Solution(problem, path, stats, multipliers, violations, iterate)
+    return Solution(problem, conditions, path, stats, iterate)
