@@ -148,8 +148,8 @@ class NLP(ShortRepr):
     @property
     def violation(self) -> float:
         """Largest violation of any condition at the nodes of the initial guess."""
-        _, g = self.transcription.value(self.units.scaled(self.nodes).ravel(), self.p)
-        return self.bounds.worst(self.nodes, g.full()[:, 0])[0]
+        _, g = evaluate(self.transcription.value, self.units.scaled(self.nodes).ravel(), self.p)
+        return self.bounds.worst(self.nodes, g[:, 0])[0]
 
     def with_linear(self, matrix: scipy.sparse.sparray, most: Array) -> NLP:
         """Return the program with linear conditions, A (x - x0) <= most (rows,), from the guess x0.

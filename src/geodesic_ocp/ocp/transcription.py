@@ -313,7 +313,7 @@ class Transcription(ShortRepr):
         """Return energy and cost of the path through nodes (size, n) of a grid of this shape."""
         units = Units(nodes[0], 1.0, 1.0)
         p = units.parameters(grid, values)
-        return float(self.value(units.scaled(nodes).ravel(), p)[0])
+        return float(evaluate(self.value, units.scaled(nodes).ravel(), p)[0].item())
 
     def full_hessian(self, x: Array, p: Array, lam_g: Array) -> Array:
         """Return symmetric Hessian of the Lagrangian with lam_f = 1, as a matrix."""
