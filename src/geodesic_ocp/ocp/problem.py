@@ -245,7 +245,7 @@ def _parts(entry: Sequence[Any], label: str, form: str) -> list[Any]:
 
 def _expression(name: str, expression: Any) -> ca.SX:
     try:
-        return ca.SX(expression)
+        return expression if type(expression) is ca.SX else ca.SX(expression)
     except (NotImplementedError, TypeError, RuntimeError):
         raise ValueError(f"{name}: {expression!r} is not an expression in SX symbols") from None
 

@@ -227,12 +227,9 @@ def unresolved_energy(path: Path) -> Array:
     values = grid.in_segments(path.nodes)
     slopes = grid.differentiation @ (values - values[:, :1])
     # The velocity is of degree d - 1: its coefficient of Legendre's polynomial P_(d-1).
-    last = np.eye(grid.degree)[-1]
-    local = np.cos(np.pi * (np.arange(grid.degree) + 0.5) / grid.degree)[::-1]
-    s = path.breakpoints[:-1, None] + grid.widths[:, None] * (local + 1.0) / 2.0
-    velocity = grid.interpolate(slopes, s.ravel()).reshape(grid.segments, grid.degree, -1)
-    to_terms = np.linalg.inv(legendre.legvander(local, grid.degree - 1))
-    terms = np.einsum("j,jk,skn->sn", last, to_terms, velocity)
+    local = np.interp(grid.nodes[: grid.degree + 1], grid.breakpoints[:2], [-1.0, 1.0])
+    columns = slopes.swapaxes(0, 1).reshape(local.size, -1)
+    terms = legendre.legfit(local, columns, grid.degree - 1)[-1].reshape(grid.segments, -1)
     middle = (path.breakpoints[:-1] + path.breakpoints[1:]) / 2.0
     sizes = speeds_at(path.metric, path(middle), terms)
     return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))

@@ -47,7 +47,12 @@ _STEP = 0.1
 _FILTER = {"gamma_theta": 0.9, "max_soc": 0}
 # Programs are scaled, and small: preparing and checking the linear systems would take as long as
 # solving them.
-_SYSTEMS = {"mumps_permuting_scaling": 0, "mumps_scaling": 0, "min_refinement_steps": 0}
+_SYSTEMS = {
+    "mumps_permuting_scaling": 0,
+    "mumps_scaling": 0,
+    "min_refinement_steps": 0,
+    "fast_step_computation": "yes",
+}
 # If the guess is nearly a solution, Ipopt must not push it far from its bounds.
 _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 # From a path beside obstacles it stays on their side; on `_NEAR` it stops at the first optimum.
