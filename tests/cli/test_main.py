@@ -558,8 +558,7 @@ def test_both_arms_of_a_recording(
     shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = go.read_motion(shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml")
-    reach = go.Motion(whole.time[60:150], whole.q[60:150], whole.joint_names)
-    file = go.recordings.save_motion(tmp_path / "reach.csv", reach)
+    file = go.recordings.save_motion(tmp_path / "reach.csv", whole.part(60, 149))
     arguments = ["retarget", str(file), "--side", "both", "--deviation", "0.1", "--no-limits"]
     code = cli.main([*arguments, "--robot", "xarm7", "--robot", "panda"])
     printed = capsys.readouterr()

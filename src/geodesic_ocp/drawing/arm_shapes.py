@@ -208,7 +208,6 @@ def draw_obstacle(
     A half-space whose boundary is not seen edge-on is omitted: it would fill the figure.
 
     >>> from matplotlib.figure import Figure
-    >>> import geodesic_ocp as go
     >>> axes = Figure().add_subplot()
     >>> go.drawing.draw_obstacle(axes, go.Ball(centre=(0.0, 0.0, 0.0), radius=0.1), (0, 1))
 

@@ -140,10 +140,8 @@ def motion_playback(
     more than 200 samples per second or 12000 altogether every n-th is shown, which the note of the
     scene says.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
-    >>> motion_playback(motion, go.human_arm("left")).scenes[0].trails[0]
+    >>> recording = go.recordings.bundled_recording()
+    >>> motion_playback(recording.motion, recording.model).scenes[0].trails[0]
     Trail(name='hand', points=<840 x 3 entries>)
 
     Args:

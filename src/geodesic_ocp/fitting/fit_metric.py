@@ -57,8 +57,6 @@ def fit_metric(
     determined by the shape of the paths and not by differentiated data. Cubics have the observed
     velocities at the cuts. The cuts between segments stay fixed.
 
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm()
     >>> metric = go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.05)
     >>> q0, q1 = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4]

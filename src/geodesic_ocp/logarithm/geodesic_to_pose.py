@@ -84,7 +84,6 @@ def geodesic_to_pose(
     one of the many geodesics of a redundant arm, at the price of a pose error of about w. Nothing
     else restricts the path: for joint limits see `Reach`.
 
-    >>> import geodesic_ocp as go
     >>> arm, start = go.human_arm(), [0.4, 0.1, -0.6, 1.2, 0.2, 0.0, 0.1]
     >>> result = go.geodesic_to_pose(arm, start, position=[0.2, 0.35, -0.1])
     >>> result.success

@@ -121,7 +121,6 @@ def log(
     velocities (k, n), found all at once where the system's compiler is GCC, in half the time; they
     are those of single calls to 1e-10.
 
-    >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q0 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0]
     >>> q1 = [0.6, 0.2, -0.9, 1.4, 0.1, 0.2, 0.1]

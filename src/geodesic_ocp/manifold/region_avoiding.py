@@ -110,7 +110,6 @@ class RegionAvoiding(Metric):
     curvature of -1 / (w_i margin_i^2) near the boundary. Geodesics that diverge like
     exp(length / (margin_i sqrt(w_i))) cannot be computed, for example for a light wrist.
 
-    >>> import geodesic_ocp as go
     >>> plain = go.KineticEnergy(go.human_arm())
     >>> metric = go.RegionAvoiding(plain, margin=0.1)  # within the joint limits
     >>> q, v = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0]

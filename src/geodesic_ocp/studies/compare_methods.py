@@ -212,7 +212,6 @@ def compare_methods(
     torque", "least torque change", "least work" and "least work and acceleration". The methods do
     not receive the same data; the table has a column that says what each receives for a segment.
 
-    >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> recordings = go.recordings.read_recordings(files("geodesic_ocp") / "data", "left")
     >>> comparison = go.studies.compare_methods(

@@ -344,13 +344,12 @@ def compare_metrics(
     (`optimal_segmentations`). The errors in the other two measures are those of the same cuts.
     Rules that find a number of segments by themselves add one point for each metric.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
-    >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
+    >>> recording = go.recordings.bundled_recording()
+    >>> part = recording.motion.part(0, 89)
     >>> metrics = {"straight lines": go.Euclidean(7)}
-    >>> comparison = go.studies.compare_metrics(arm, part, metrics, rules={}, spacing=0.1)
+    >>> comparison = go.studies.compare_metrics(
+    ...     recording.model, part, metrics, rules={}, spacing=0.1
+    ... )
     >>> comparison.curves["straight lines"].index.tolist()
     [1, 2, 3, 4, 5, 6, 7]
 

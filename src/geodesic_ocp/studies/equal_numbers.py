@@ -96,12 +96,8 @@ def compare_at_equal_numbers(
     and 2 n more for both end velocities; their knots are good, not the best (`spline_knots`),
     and known for the joints alone. The times of cuts and knots are not counted.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:350], motion.q[270:350], motion.joint_names)
-    >>> recording = go.recordings.Recording(arm, reach.filtered())
+    >>> whole = go.recordings.bundled_recording()
+    >>> recording = go.recordings.Recording(whole.model, whole.motion.part(270, 349))
     >>> equal = go.studies.compare_at_equal_numbers(recording, go.Euclidean(7), numbers=[10])
     >>> equal.methods[:2]
     ('geodesics', 'straight lines')

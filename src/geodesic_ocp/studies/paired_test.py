@@ -90,7 +90,6 @@ def paired_test(
     the bias-corrected and accelerated bootstrap interval (Efron, J. Am. Stat. Assoc. 82, 1987), or
     the percentile interval where that does not exist, as when all differences are equal.
 
-    >>> import geodesic_ocp as go
     >>> test = go.studies.paired_test([1.0, 2.1, 3.0, 4.2, 5.0], [1.5, 2.4, 3.7, 4.6, 5.6])
     >>> test.wins, test.sign_p
     (5, 0.0625)

@@ -262,7 +262,6 @@ def fit_markers(
     weight. Gaps are bridged by smoothness. Coordinates of the base's position count per 0.2 m. The
     result does not depend on the sampling rate; samples may be unevenly spaced.
 
-    >>> import numpy as np, geodesic_ocp as go
     >>> arm, time = go.human_arm("right", height=1.8), np.arange(50) / 50.0
     >>> q = 0.3 * np.sin(np.outer(time, [1, 2, 3, 4, 3, 2, 1])) + [0.4, 0, -0.6, 1, 0, -0.1, 0]
     >>> rotation, wrist = arm.frame_pose("right hand", q)
