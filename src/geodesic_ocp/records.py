@@ -68,7 +68,6 @@ def read_structured(file: Path, what: str, hint: str = "") -> Any:
     """Read the content of a JSON, TOML (.toml) or YAML file (.yaml, .yml), not checked yet.
 
     Args:
-        file: the file.
         what: what the content should be, for messages, such as "convention".
         hint: text that follows the message when the file cannot be opened.
 
@@ -104,7 +103,6 @@ def parse_json(text: str, not_finite: Callable[[str], Any] = float) -> Any:
     """Return the value of a JSON text.
 
     Args:
-        text: the JSON.
         not_finite: called with the constants Infinity, -Infinity and NaN.
 
     Raises:
@@ -174,7 +172,6 @@ def read_arrays(
     """Return arrays in a NumPy archive (.npz), without Python objects.
 
     Args:
-        file: to read.
         choose: from the names of all arrays, those that are to be read; all by default.
 
     Raises:

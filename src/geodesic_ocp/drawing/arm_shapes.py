@@ -38,7 +38,6 @@ class Shape(ShortRepr):
     Attributes:
         outlines: closed lines (m, 2) around it.
         depth: how near to the observer it is.
-        face: colour in it.
         edge: colour of its outline.
         width: width of its outline [pt].
         hatch: pattern in it.
@@ -82,7 +81,6 @@ class Postures(ShortRepr):
     """A model in k configurations, with the rest of the person if it is a person's.
 
     Attributes:
-        model: the model.
         actors: the model, and the rest of the person.
         joints: origins of the frames of the moving links and of the hands, (k, j, 3) [m].
         hands: positions of the hands, (k, hands, 3) [m].

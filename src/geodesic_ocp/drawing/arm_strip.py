@@ -220,7 +220,6 @@ def draw_overlay(
     """Draw a model in k configurations into one axes, with numbers in m along two axes of space.
 
     Args:
-        axes: to draw in.
         view: along an axis of space.
         postures: postures of the model.
         labels: beside the hand in each of them; "" for none.
@@ -339,9 +338,7 @@ def draw_path_arms(
     """Draw a model at some instants of a path, one of them where it is nearest to an obstacle.
 
     Args:
-        axes: to draw in.
         path: path of the model.
-        model: the arm.
         obstacles: obstacles that do not move.
         links: links that keep clear of obstacles; None: all that move.
         close: where it is nearest to an obstacle is drawn here, too; removed if that is not known.

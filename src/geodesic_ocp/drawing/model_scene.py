@@ -38,7 +38,6 @@ def joint_plots(
     """Return plots of one number for each joint over time.
 
     Args:
-        model: model whose joints they are.
         time: time of the samples (k,).
         values: (k, n), in the order of `Model.joint_names`.
         labels: labels of the axes, by the unit of the coordinate, "rad" or "m"; joints whose labels

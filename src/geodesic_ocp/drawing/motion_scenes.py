@@ -206,7 +206,6 @@ def model_playback(model: Model, q: np.ndarray | None = None) -> Playback:
     joints.
 
     Args:
-        model: model that is shown.
         q: a configuration (n,) or several (k, n) [rad or m]; by default each joint at zero, or at
             the limit that is nearest to zero.
 

@@ -85,7 +85,6 @@ class Pane:
     """A scene before a camera.
 
     Attributes:
-        scene: what is drawn.
         parts: surfaces of the scene.
         camera: camera with `SAMPLES` pixels per pixel of the picture, in either direction.
         floor: its height [m].

@@ -127,7 +127,6 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     Playback('Geodesic: length 5', 1 scenes, 0 to 1)
 
     Args:
-        path: path that is shown.
         model: model that moves; None: that of the path's metric, if it has one.
         title: title of the playback; by default what the path is, and its length.
 

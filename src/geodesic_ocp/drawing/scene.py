@@ -79,7 +79,6 @@ class FrameTrack(ShortRepr):
     """A coordinate frame over time, drawn as three axes.
 
     Attributes:
-        name: name of the frame.
         rotations: in the scene, (k, 3, 3) or (1, 3, 3).
         positions: positions of its origin, (k, 3) or (1, 3) [m].
         layer: name of the switch that shows it.
@@ -297,7 +296,6 @@ class Playback:
     """Scenes side by side that are played together.
 
     Attributes:
-        title: title of all.
         scenes: one pane each.
         spans: rows of the slider by name, such as the synergies of "person" and "panda"; empty if
             nothing divides the time.

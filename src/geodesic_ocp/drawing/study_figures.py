@@ -85,7 +85,6 @@ def draw_groups(axes: Axes, groups: Sequence[StudyGroup], label: str) -> None:
     """Draw one row for each method, from the top: subjects as circles, mean and interval.
 
     Args:
-        axes: axes of matplotlib.
         groups: in the order of their rows; those of equal labels share one.
         label: label of the horizontal axis, with the unit.
     """
@@ -173,7 +172,6 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
     The mean of the subjects' distributions counts every subject the same.
 
     Args:
-        axes: axes of matplotlib.
         values: values of each subject, (k,) each, by condition; NaN are left out.
         label: label of the horizontal axis, with the unit.
     """
@@ -220,7 +218,6 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
     Points are one image also in a vector file, which stays small.
 
     Args:
-        axes: axes of matplotlib.
         x, y: numbers; pairs with a NaN are left out.
         labels: labels of the two axes, with units.
     """

@@ -38,7 +38,6 @@ class RecordingPart(ShortRepr):
     """The segments of one recording that are fitted.
 
     Attributes:
-        terms: terms of one segment.
         recording: their motion.
         every: (start, stop) sample indices of all segments of the recording.
         segments: segments of those that move.

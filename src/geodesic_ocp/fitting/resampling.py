@@ -165,7 +165,6 @@ class LeftOut:
 
     Attributes:
         name: name of the recording.
-        subject: its subject.
         values: estimates from the recordings that were not left out.
         errors: errors of the geodesics (`reconstruct`) or cubics with these parameters.
         straight_lines: errors of straight lines on the same segments; with cubics, of those of a

@@ -45,8 +45,6 @@ class RecordingTask:
     """A recording that is to be analysed.
 
     Attributes:
-        source: source of the recording.
-        settings: settings of the analysis.
         folder: folder of the output, absolute.
         key: key of the result, see `result_key`.
         time_limit: time limit of the process that analyses it [s], or None.

@@ -280,7 +280,6 @@ def read_file_table(
     """Return what a CSV table says about files, by the path in its column file.
 
     Args:
-        table: path of the table.
         new_entry: makes the entry of a file from its row.
         needed: columns that must be there.
 
@@ -437,7 +436,6 @@ def write_table(folder: str | PathLike[str], name: str, rows: Iterable[Row]) -> 
 
     Args:
         folder: folder of the files, which exists.
-        name: name of the table.
         rows: values by column; those that are left out are missing.
 
     Returns:

@@ -128,7 +128,6 @@ def arm_axes(
     hand).
 
     Args:
-        model: model of the arm.
         bodies: names.
         side: "right" or "left".
         neutral: those of the neutral pose that are not zero [rad].

@@ -64,7 +64,6 @@ class OsimJoint:
     position is the sum of the translations along axes of the parent frame.
 
     Attributes:
-        name: name of the joint.
         parent: frame in the parent body.
         child: frame in the child body.
         rotations: in their order.
@@ -94,10 +93,8 @@ class OsimModel:
     """A model's tree of bodies.
 
     Attributes:
-        file: file that it is from.
         bodies: names, without the ground.
         joints: joints by the body that they carry.
-        coordinates: coordinates by name.
         couplers: functions of other coordinates by dependent coordinate.
         gravity: (3,) [m/s^2] in axes of the ground.
     """

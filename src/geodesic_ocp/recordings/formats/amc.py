@@ -40,7 +40,6 @@ class AcclaimBone:
 
     Attributes:
         line: number of the line.
-        name: name of the bone.
         direction: direction in the rest pose (3,).
         length: length in the file's unit.
         axis: angles (3,) of the axes about which the bone turns, in the file's unit.
@@ -295,7 +294,6 @@ def read_amc(
     The subject is named after the skeleton's file.
 
     Args:
-        file: the .amc.
         skeleton: the .asf; by default the one in the same folder of the same name, or of its part
             before "_" (02.asf of 02_05.amc), or the only one there.
         rate: frames per second [Hz]; by default that of the file's line ':samples-per-second', or

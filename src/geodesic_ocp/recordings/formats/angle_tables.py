@@ -124,7 +124,6 @@ def read_table(
     """Read the motion of these joints, or of all, from a table of joint angles.
 
     Args:
-        file: to read.
         joints: names, in the order of the result.
         columns: see `as_columns`.
         fill: longest gap [s] that is bridged by interpolation; None: none may be.

@@ -187,7 +187,6 @@ def read_bvh(
     last three of the six numbers of an offset. Its axes follow the convention or are found from it.
 
     Args:
-        file: the .bvh.
         convention: which joints carry which segments; the known one that fits best by default.
         unit: unit of lengths, "m", "cm", "mm", "in" or metres; the format has none, and without it
             there is no pose of the trunk.

@@ -69,7 +69,6 @@ class Rows:
         """Return numbers in these columns (k, n), in this order; others may contain anything.
 
         Args:
-            names: names of the columns.
             missing: read empty cells and nan as NaN; otherwise they are refused.
 
         Raises:
@@ -226,7 +225,6 @@ def read_csv(
     """Return a table with notes, in a known separation of columns.
 
     Args:
-        file: to read.
         units: radians or metres by the name of a unit.
         examples: units that messages name.
         time: name of the column of time; by default it is found.
@@ -408,7 +406,6 @@ def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
     A header whose nRows or nColumns is not what follows gives a RuntimeWarning.
 
     Args:
-        file: to read.
         translations: names of coordinates in metres, beside those that `is_translation` knows.
 
     Raises:

@@ -46,7 +46,6 @@ class ChosenMarkers:
     """Markers of a recording that a marker set places on a body.
 
     Attributes:
-        set_name: name of the marker set.
         names: in the recording (m,).
         observed: their positions (k, m, 3) [m], NaN where missing.
         segments: segments that they are fixed to.
@@ -288,7 +287,6 @@ def check_trunk(chosen: ChosenMarkers, *, ask_up: bool) -> None:
     """Check the markers of the thorax or, without three of them, the pelvis.
 
     Args:
-        chosen: markers and where they are.
         ask_up: whether a person who does not stand upright is asked about.
 
     Raises:

@@ -59,7 +59,6 @@ class FrameSearch:
     The shared variables are zero.
 
     Attributes:
-        problem: problem of the fit.
         outlier: [m], see `fit_markers`.
     """
 

@@ -93,7 +93,6 @@ class FitProblem:
         body: body with its root.
         chosen: the m markers.
         known: what is known of the height.
-        settings: settings of the fit.
         axes: axes of the space in which the root's angles are taken (3, 3).
     """
 
