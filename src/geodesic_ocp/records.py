@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from geodesic_ocp.arrays import as_choice
 from geodesic_ocp.errors import RecordingError
 
 # What zipfile, its decompressors and NumPy raise of a damaged archive of arrays.
@@ -327,9 +328,8 @@ def as_stated(
         if known and isinstance(record, dict) and "extends" in record:
             bases = {each.name: each for each in known}
             base = record.pop("extends")
-            if base not in bases:
-                raise ValueError(f"extends must be one of {', '.join(bases)}, got {base!r}")
-            inherited = {each.name: getattr(bases[base], each.name) for each in fields(kind)}
+            known_base = bases[as_choice("extends", base, bases)]
+            inherited = {each.name: getattr(known_base, each.name) for each in fields(kind)}
             defaults = inherited | defaults
         return from_record(kind, what, record, defaults)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -22,7 +23,7 @@ from geodesic_ocp.drawing.model_scene import (
     overlaid,
     shown_samples,
 )
-from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span, beside
+from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span, beside, numbered_spans
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import upright
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
@@ -347,14 +348,8 @@ def _path_spans(planned: PlannedTrajectory, number: int) -> tuple[Span, ...]:
     """Return spans of the paths of an arm, numbered from 1; of those on which it moves."""
     arm = planned.arms[number]
     edges = planned.robot_time(arm.edges)
-    spans = []
-    for index, (path, start, stop) in enumerate(
-        zip(arm.paths, edges[:-1], edges[1:], strict=True), 1
-    ):
-        if path.length > 0.0:
-            text = f"path {index} ({stop - start:.2f} s)"
-            spans.append(Span(str(index), float(start), float(stop), text))
-    return tuple(spans)
+    spans = zip(arm.paths, numbered_spans("path", pairwise(edges)), strict=True)
+    return tuple(span for path, span in spans if path.length > 0.0)
 
 
 _ERRORS = {"rad": "joint errors [rad]", "m": "prismatic joint errors [m]"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -247,6 +247,14 @@ class Span:
     stop: float
     text: str = ""
     cut: Cut | None = None
+
+
+def numbered_spans(what: str, ends: Iterable[tuple[float, float]]) -> tuple[Span, ...]:
+    """Return spans with these ends, numbered from 1, such as "synergy 3 (0.42 s)"."""
+    return tuple(
+        Span(str(number), float(start), float(stop), f"{what} {number} ({stop - start:.2f} s)")
+        for number, (start, stop) in enumerate(ends, 1)
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,7 +8,7 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
@@ -95,8 +95,7 @@ def fit_metric(
     chosen, report = as_parameters(parameters), progress or no_progress
     if not callable(metric):
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
-    if curve not in get_args(Curve):
-        raise ValueError(f"curve must be one of {', '.join(get_args(Curve))}, got {curve!r}")
+    as_choice("curve", curve, get_args(Curve))
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
     theta = ca.SX.sym("theta", len(chosen))

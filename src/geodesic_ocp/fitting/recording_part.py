@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_integer
+from geodesic_ocp.arrays import Array, ShortRepr, as_choice, as_integer
 from geodesic_ocp.blocks import Block
 from geodesic_ocp.cells import Cells, Indices
 from geodesic_ocp.errors import NotConverged
@@ -139,8 +139,7 @@ def observe_all(
         raise ValueError("the models of all recordings must have the same number of joints")
     if not callable(segments) and len(segments) != len(listed):
         raise ValueError(f"segments must be given for each of {len(listed)} recordings")
-    if measure not in get_args(Measure):
-        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    as_choice("measure", measure, get_args(Measure))
     if as_integer("degree", degree, _LEAST_DEGREE) > _MOST_DEGREE:
         raise ValueError(f"degree must be {_LEAST_DEGREE} to {_MOST_DEGREE}, got {degree}")
     terms: dict[int, SegmentTerms] = {}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
@@ -71,8 +71,7 @@ class MethodComparison:
         Raises:
             ValueError: there is no such score.
         """
-        if score not in SCORES:
-            raise ValueError(f"score must be one of {', '.join(SCORES)}, got {score!r}")
+        as_choice("score", score, SCORES)
         columns = [[getattr(each, score) for each in self.scores[name]] for name in self.methods]
         return np.array(columns, dtype=float).T
 
@@ -138,8 +137,7 @@ class MethodComparison:
             ValueError: there is no such score or method, or by is neither of the two.
         """
         values = self.values(score)
-        if against not in self.methods:
-            raise ValueError(f"against must be one of {', '.join(self.methods)}, got {against!r}")
+        as_choice("against", against, self.methods)
         if by not in ("subject", "recording"):
             raise ValueError(f"by must be 'subject' or 'recording', got {by!r}")
         reference = values[:, self.methods.index(against)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -157,6 +158,13 @@ def as_confidence(value: float) -> float:
     if not 0.0 < number < 1.0:
         raise ValueError(f"confidence must be in (0, 1), got {number:g}")
     return number
+
+
+def student_half(deviation: Any, count: Any, confidence: float) -> Any:
+    """Return half of the interval of a mean by Student's t: t SD / sqrt(k); NaN below three."""
+    known = np.where(np.asarray(count) >= FEWEST, count, np.nan)
+    quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, known - 1)
+    return quantile * deviation / np.sqrt(known)
 
 
 def _pairs(count: int) -> str:
