@@ -20,7 +20,7 @@ from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.synergies.segment_costs import Pair
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.synergies.uncertainty import Cutting
@@ -132,9 +132,7 @@ def observe_all(
     Raises:
         ValueError: wrong recordings, measure, degree or segments.
     """
-    listed = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    if not listed or not all(isinstance(each, Recording) for each in listed):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    listed = as_recordings(recordings)
     if len({each.model.dof for each in listed}) > 1:
         raise ValueError("the models of all recordings must have the same number of joints")
     if not callable(segments) and len(segments) != len(listed):

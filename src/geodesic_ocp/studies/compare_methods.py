@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING, Literal
@@ -16,7 +16,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.studies.paired_test import PairedTest, paired_test
 from geodesic_ocp.synergies.baselines import distal_inertia, distal_joints
@@ -239,10 +239,7 @@ def compare_methods(
             recording, a metric of another dimension, or a recording that never moves.
         IntegrationFailed: the first metric is singular along a recording, see `segment`.
     """
-    given = [recordings] if isinstance(recordings, Recording) else recordings
-    recordings = list(given) if isinstance(given, Iterable) else []
-    if not recordings or not all(isinstance(each, Recording) for each in recordings):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    recordings = as_recordings(recordings)
     metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
     if same := metrics.keys() & SECOND_ORDER.keys():
         raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")

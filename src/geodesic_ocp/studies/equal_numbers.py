@@ -12,7 +12,7 @@ from geodesic_ocp.arrays import Array, ShortRepr, real_array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy, with_joint_inertia
 from geodesic_ocp.progress import Progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, metric_of
 from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
@@ -115,9 +115,7 @@ def compare_at_equal_numbers(
         ValueError: no recordings, numbers that are not positive, or see `optimal_segmentations`.
         NotConverged: see `optimal_segmentations`.
     """
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    if not given or not all(isinstance(each, Recording) for each in given):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    given = as_recordings(recordings)
     wanted = real_array(numbers, "numbers").ravel()
     if not wanted.size or not np.all((wanted > 0.0) & np.isfinite(wanted)):
         raise ValueError(f"numbers must be positive numbers per second, got {numbers!r}")

@@ -396,13 +396,5 @@ def mean_errors(rows: DataFrame) -> DataFrame:
 
 def _failure_row(outcome: RecordingOutcome) -> Row:
     source = outcome.source
-    return {
-        "recording": source.name,
-        "file": source.file,
-        "subject": source.subject,
-        "subject_from": source.subject_from if source.subject else "",
-        "trial": source.trial,
-        "side": source.side,
-        "kind": outcome.kind,
-        "reason": outcome.text,
-    }
+    known = {"subject": source.subject, "subject_from": source.subject_from * bool(source.subject)}
+    return {**identity(source, ""), **known, "kind": outcome.kind, "reason": outcome.text}

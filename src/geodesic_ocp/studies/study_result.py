@@ -57,27 +57,24 @@ class StudyMeasure(NamedTuple):
         return "".join(re.findall(r" \[.*\]$", self.header))
 
 
-_ERRORS = {
-    "joint": ("joint_error{}_rad", "joints{} [rad]", "joint error{} [rad]", 1.0),
-    "position": ("position_error{}_m", "hand{} [m]", "hand position error{} [mm]", 1000.0),
-    "orientation": (
-        "orientation_error{}_rad",
-        "hand{} [rad]",
-        "hand orientation error{} [rad]",
-        1.0,
-    ),
+_ERRORS = {  # what has them, their unit, and name and unit of their axis
+    "joint": ("joints", "rad", "joint error", "rad"),
+    "position": ("hand", "m", "hand position error", "mm"),
+    "orientation": ("hand", "rad", "hand orientation error", "rad"),
 }
+_PER_SECOND = "segments per second [1/s]"
 MEASURES = {
     f"{name}{suffix}": StudyMeasure(
-        column.format(suffix), header.format(remark), axis.format(remark), scale
+        f"{name}_error{suffix}_{unit}",
+        f"{what}{remark} [{unit}]",
+        f"{axis}{remark} [{shown}]",
+        1.0 if shown == unit else 1000.0,
     )
     for suffix, remark in (("", ""), ("_unfiltered", ", unfiltered"))
-    for name, (column, header, axis, scale) in _ERRORS.items()
+    for name, (what, unit, axis, shown) in _ERRORS.items()
 } | {
     "segments": StudyMeasure("segments", "segments", "number of segments"),
-    "segments_per_second": StudyMeasure(
-        "segments", "segments per second [1/s]", "segments per second [1/s]"
-    ),
+    "segments_per_second": StudyMeasure("segments", _PER_SECOND, _PER_SECOND),
 }
 _SHOWN = ("joint", "position", "orientation")
 _OWN = "riemannian"
