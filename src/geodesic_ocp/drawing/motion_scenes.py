@@ -329,15 +329,7 @@ def planned_playback(planned: PlannedTrajectory) -> Playback:
     for number, arm in enumerate(planned.arms):
         own = slice(first, first + arm.robot.dof)
         first = own.stop
-        trajectory = JointTrajectory(
-            whole.time,
-            whole.positions[:, own],
-            whole.velocities[:, own],
-            whole.accelerations[:, own],
-            arm.robot.joint_names,
-            arm.robot.units,
-            None if whole.efforts is None else whole.efforts[:, own],
-        )
+        trajectory = whole.columns(own, arm.robot.joint_names)
         part = trajectory_playback(trajectory, arm.robot, limits=arm.limits, gravity=arm.gravity)
         parts.append(replace(part, spans={"paths": _path_spans(planned, number)}))
     robots = [arm.robot for arm in planned.arms]
