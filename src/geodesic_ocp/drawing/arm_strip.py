@@ -46,19 +46,12 @@ _TARGET |= {"color": OBSERVED["color"]}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StripArm(ShortRepr):
-    """Shapes to be drawn of a model in each figure of a strip.
+    """Shapes to be drawn of a model in each figure of a strip."""
 
-    Attributes:
-        postures: at the instants.
-        role: role whose colour it has.
-        label: for the legend.
-        filled: whether its bodies are filled; otherwise they are dashed outlines on top.
-    """
-
-    postures: Postures
-    role: str = "observed"
-    label: str = "arm"
-    filled: bool = True
+    postures: Postures  # at the instants
+    role: str = "observed"  # role whose colour it has
+    label: str = "arm"  # for the legend
+    filled: bool = True  # whether its bodies are filled; otherwise they are dashed outlines on top
 
     _shown = ("label", "role")
 

@@ -60,23 +60,14 @@ def paper_style() -> Iterator[None]:
 
 @dataclass(frozen=True, repr=False)
 class StudyGroup(ShortRepr):
-    """Points and mean to be drawn of one method under one condition.
+    """Points and mean to be drawn of one method under one condition."""
 
-    Attributes:
-        label: label of the method.
-        condition: empty without conditions.
-        points: points of the subjects.
-        mean: mean of the points; NaN of none.
-        interval: interval of the mean; None if there is none.
-        note: written at the right edge.
-    """
-
-    label: str
-    condition: str
-    points: tuple[float, ...]
-    mean: float
-    interval: tuple[float, float] | None = None
-    note: str = ""
+    label: str  # label of the method
+    condition: str  # empty without conditions
+    points: tuple[float, ...]  # points of the subjects
+    mean: float  # mean of the points; NaN of none
+    interval: tuple[float, float] | None = None  # interval of the mean; None if there is none
+    note: str = ""  # written at the right edge
 
     _shown = ("label", "points", "mean")
 
@@ -249,20 +240,14 @@ _LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
 
 
 class Means(NamedTuple):
-    """Means of a measure to be drawn.
+    """Means of a measure to be drawn."""
 
-    Attributes:
-        axis: label of the axis, with its unit.
-        scale: from the table's unit to that of the axis.
-        table: table by condition, if there are several, and method, with columns "mean" and the
-            ends of the interval as the last two.
-        points: the subjects' means (k,) of each row of the table.
-    """
-
-    axis: str
-    scale: float
+    axis: str  # label of the axis, with its unit
+    scale: float  # from the table's unit to that of the axis
+    # table by condition, if there are several, and method, with columns "mean" and the ends of the
+    # interval as the last two
     table: DataFrame
-    points: list[Array]
+    points: list[Array]  # the subjects' means (k,) of each row of the table
 
 
 def _key(index: Any) -> tuple[str, str]:

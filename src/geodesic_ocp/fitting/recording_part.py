@@ -35,32 +35,20 @@ _LEAST_DEGREE, _MOST_DEGREE = 5, 14  # beyond, powers of the time are ill-condit
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordingPart(ShortRepr):
-    """The segments of one recording that are fitted.
-
-    Attributes:
-        recording: their motion.
-        every: (start, stop) sample indices of all segments of the recording.
-        segments: segments of those that move.
-        coefficients: (count, num_nodes, n), initial coefficients of q, w and p.
-        end_rates: (count, 2), initial rates of progress at the ends, per duration; or (count, 0).
-        samples: configurations (k, n) of all samples.
-        fractions: (k,) of the duration of its segment at which a sample was taken.
-        owners: (k,) index of its segment.
-        scales: (count, n), of the equation of motion of each joint.
-        units: (count, costs), of the costs.
-    """
+    """The segments of one recording that are fitted."""
 
     terms: SegmentTerms
-    recording: Recording
-    every: list[tuple[int, int]]
-    segments: list[tuple[int, int]]
-    coefficients: Array
+    recording: Recording  # their motion
+    every: list[tuple[int, int]]  # (start, stop) sample indices of all segments of the recording
+    segments: list[tuple[int, int]]  # segments of those that move
+    coefficients: Array  # (count, num_nodes, n), initial coefficients of q, w and p
+    # (count, 2), initial rates of progress at the ends, per duration; or (count, 0)
     end_rates: Array
-    samples: Array
-    fractions: Array
-    owners: Indices
-    scales: Array
-    units: Array
+    samples: Array  # configurations (k, n) of all samples
+    fractions: Array  # (k,) of the duration of its segment at which a sample was taken
+    owners: Indices  # (k,) index of its segment
+    scales: Array  # (count, n), of the equation of motion of each joint
+    units: Array  # (count, costs), of the costs
     _shown = ("segments", "every")
 
     @property

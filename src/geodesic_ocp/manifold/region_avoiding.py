@@ -22,18 +22,12 @@ _NUM_SAMPLES, _EQUAL = 5, 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The set of q (n,) with all h_i(q) > 0.
+    """The set of q (n,) with all h_i(q) > 0."""
 
-    Attributes:
-        values: q -> h (m, 1).
-        gradients: q -> dh / dq (m, n).
-        labels: description of each h_i, for messages.
-        joints: index of the joint that h_i limits; empty for functions of a user.
-    """
-
-    values: ca.Function
-    gradients: ca.Function
-    labels: tuple[str, ...]
+    values: ca.Function  # q -> h (m, 1)
+    gradients: ca.Function  # q -> dh / dq (m, n)
+    labels: tuple[str, ...]  # description of each h_i, for messages
+    # index of the joint that h_i limits; empty for functions of a user
     joints: tuple[int, ...] = ()
 
 

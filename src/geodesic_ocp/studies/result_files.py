@@ -42,23 +42,15 @@ OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", 
 
 @dataclass(frozen=True, repr=False)
 class RecordingTask:
-    """A recording that is to be analysed.
-
-    Attributes:
-        folder: folder of the output, absolute.
-        key: key of the result, see `result_key`.
-        time_limit: time limit of the process that analyses it [s], or None.
-        fit: whether the result has the profile of the joint inertia.
-        figure: whether it has a figure.
-    """
+    """A recording that is to be analysed."""
 
     source: RecordingSource
     settings: AnalysisSettings
-    folder: Path
-    key: str
-    time_limit: float | None = None
-    fit: bool = False
-    figure: bool = False
+    folder: Path  # folder of the output, absolute
+    key: str  # key of the result, see `result_key`
+    time_limit: float | None = None  # time limit of the process that analyses it [s], or None
+    fit: bool = False  # whether the result has the profile of the joint inertia
+    figure: bool = False  # whether it has a figure
 
     def __repr__(self) -> str:
         return f"RecordingTask({self.source.name!r}, {self.key[:8]})"

@@ -158,18 +158,12 @@ class Development:
     the development is their integral (Kobayashi, Nomizu, "Foundations of Differential Geometry",
     1963, section III.4). It has the motion's speeds, and it is straight where the motion follows a
     geodesic.
-
-    Attributes:
-        times: instants (m,), at most 5 ms apart [s].
-        points: of the curve (m, n), in units of length of the metric.
-        speeds: |q'|_G (m,).
-        resting: which instants are in a long rest (m,), see `segment`.
     """
 
-    times: Array
-    points: Array
-    speeds: Array
-    resting: NDArray[np.bool_]
+    times: Array  # instants (m,), at most 5 ms apart [s]
+    points: Array  # of the curve (m, n), in units of length of the metric
+    speeds: Array  # |q'|_G (m,)
+    resting: NDArray[np.bool_]  # which instants are in a long rest (m,), see `segment`
 
 
 def development(

@@ -350,19 +350,12 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SavedSynergies(ShortRepr):
-    """Contents of a file of `save_synergies` that need no metric.
+    """Contents of a file of `save_synergies` that need no metric."""
 
-    Attributes:
-        motion: motion that the synergies predict, at 100 Hz, without velocities.
-        spans: start and end of each synergy [s].
-        model: name of the model; "" if the file does not say.
-        height: height of the person [m]; None if the file does not say.
-    """
-
-    motion: Motion
-    spans: tuple[tuple[float, float], ...]
-    model: str = ""
-    height: float | None = None
+    motion: Motion  # motion that the synergies predict, at 100 Hz, without velocities
+    spans: tuple[tuple[float, float], ...]  # start and end of each synergy [s]
+    model: str = ""  # name of the model; "" if the file does not say
+    height: float | None = None  # height of the person [m]; None if the file does not say
 
 
 def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:

@@ -53,17 +53,11 @@ _MISSING = ("", "nan", "-nan")
 
 @dataclass(frozen=True)
 class Rows:
-    """Cells of a table as text.
+    """Cells of a table as text."""
 
-    Attributes:
-        names: names of the columns.
-        cells: one list of as many entries for each row.
-        lines: number of the line of each row.
-    """
-
-    names: tuple[str, ...]
-    cells: list[list[str]]
-    lines: list[int]
+    names: tuple[str, ...]  # names of the columns
+    cells: list[list[str]]  # one list of as many entries for each row
+    lines: list[int]  # number of the line of each row
 
     def columns(self, names: Sequence[str], *, missing: bool = False) -> Array:
         """Return numbers in these columns (k, n), in this order; others may contain anything.
@@ -165,27 +159,17 @@ def compare_count(file: Path, header: Mapping[str, str], key: str, what: str, fo
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of a table with notes.
+    """Rows of a table with notes."""
 
-    Attributes:
-        rows: the rows; names without units.
-        scales: radians or metres in the unit of each column, by name; none where it states none.
-        scale: those in the unit of the note; None without it.
-        examples: units that messages name.
-        time: name of the column of time.
-        seconds: seconds in its unit.
-        subject: the person.
-        assumed: what the file does not say outright, for a warning.
-    """
-
-    rows: Rows
+    rows: Rows  # the rows; names without units
+    # radians or metres in the unit of each column, by name; none where it states none
     scales: dict[str, float]
-    scale: float | None
-    examples: tuple[str, str]
-    time: str
-    seconds: float
-    subject: Subject
-    assumed: list[str]
+    scale: float | None  # those in the unit of the note; None without it
+    examples: tuple[str, str]  # units that messages name
+    time: str  # name of the column of time
+    seconds: float  # seconds in its unit
+    subject: Subject  # the person
+    assumed: list[str]  # what the file does not say outright, for a warning
 
     @property
     def others(self) -> list[str]:
