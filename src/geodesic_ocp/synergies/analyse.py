@@ -421,7 +421,7 @@ def analyse(
     >>> analysis.segments
     ((0, 72), (72, 131), (131, 149))
     >>> round(analysis.errors["riemannian"].position, 3)  # mean error of the hand [m]
-    0.009
+    0.008
 
     Args:
         model: the arm, or arms and trunk (`human_upper_body`, `combine`); its joints are selected
