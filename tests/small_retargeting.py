@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 import geodesic_ocp as go
 
-_FILE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp" / "data" / "climb.csv"
-
 
 @cache
 def small_analysis() -> go.Analysis:
     """Of the reach for the box in the bundled recording."""
-    motion, reach = go.read_motion(_FILE).filtered(), slice(260, 430)
-    velocity = np.asarray(motion.velocity)[reach]
-    cut = go.Motion(motion.time[reach], motion.q[reach], motion.joint_names, velocity)
-    return go.analyse(go.human_arm("left", 1.78), cut, metric="kinetic")
+    whole = go.recordings.bundled_recording()
+    return go.analyse(whole.model, whole.motion.part(260, 429), metric="kinetic")
 
 
 @cache

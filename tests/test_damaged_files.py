@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from damage import damaged
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from known_problems import PlaneAroundDisc
@@ -29,7 +30,6 @@ WRONG = (
     *(float("inf"), 10**400, 10**40, -1, 0.5, None, True),
     *([], [None], {}, {"a": [{}]}, "", "wrong"),
 )
-BYTES = (b"", b"\x00", b"\x0e", b"\xff", b"{", b"9" * 400)
 
 
 @pytest.fixture(scope="module")
@@ -149,12 +149,7 @@ def test_valid_files_are_read(files: dict[str, Path]) -> None:
 def test_changed_bytes(
     name: str, files: dict[str, Path], tmp_path: Path, data: st.DataObject
 ) -> None:
-    content = bytearray(files[name].read_bytes())
-    for _ in range(data.draw(st.integers(1, 3))):
-        at = data.draw(st.integers(0, len(content) - 1))
-        length = data.draw(st.sampled_from([1, 1, 2, 8, len(content)]))
-        content[at : at + length] = data.draw(st.sampled_from(BYTES)) or b""
-        content = content or bytearray(b" ")
+    content = data.draw(damaged(files[name].read_bytes()))
     (tmp_path / name).write_bytes(content)
     check(name, tmp_path / name)
 

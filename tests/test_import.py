@@ -14,12 +14,11 @@ HEAVY = ("casadi", "matplotlib", "numpy", "pinocchio", "scipy")
 ANALYSE = """
 import geodesic_ocp as go
 import sys
-from importlib.resources import files
 
-arm = go.human_arm("left", height=1.78)
-motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+recording = go.recordings.bundled_recording()
+arm, motion = recording.model, recording.motion
 go.log(go.KineticEnergy(arm), motion.q[790], motion.q[-1])
-analysis = go.analyse(arm, go.Motion(motion.time[790:], motion.q[790:], motion.joint_names))
+analysis = go.analyse(arm, motion.part(790, len(motion) - 1))
 assert "matplotlib" not in sys.modules
 analysis.plot()
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence, Sized
+from collections.abc import Collection, Sequence, Sized
 from dataclasses import MISSING, fields
 from functools import lru_cache
 from typing import Any, ClassVar, TypeAlias
@@ -108,6 +108,17 @@ def as_not_negative(name: str, value: float, unit: str = "") -> float:
             f"{name} must not be negative{f' [{unit}]' if unit else ''}, got {value!r}"
         )
     return number
+
+
+def as_choice(name: str, value: Any, known: Collection[Any], unless: str = "") -> Any:
+    """Return the value, which is one of those known; ValueError names the argument otherwise.
+
+    `unless` follows the list of those in the message.
+    """
+    if value not in (known := tuple(known)):  # as it may not be hashable
+        allowed = ", ".join(map(str, known))
+        raise ValueError(f"{name} must be one of {allowed}{unless}, got {value!r}")
+    return value
 
 
 def as_integer(name: str, value: object, least: int) -> int:

@@ -25,15 +25,11 @@ class Cells:
     Variables of the instance of cell c and point k are, one row after the other,
     sum_a rows[k, r, a] x[indices[c, a]], the same combinations in all cells unless rows are given
     for each, and then some that all instances share.
-
-    Attributes:
-        indices: indices of the coordinates at the nodes in x, (cells, nodes, n).
-        rows: (points, r, nodes), or of every cell (cells, points, r, nodes).
-        shared: indices in x of what all instances share, below those of the nodes.
     """
 
-    indices: Indices
-    rows: Array
+    indices: Indices  # indices of the coordinates at the nodes in x, (cells, nodes, n)
+    rows: Array  # (points, r, nodes), or of every cell (cells, points, r, nodes)
+    # indices in x of what all instances share, below those of the nodes
     shared: tuple[int, ...] = ()
 
     @property

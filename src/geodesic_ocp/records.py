@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from geodesic_ocp.arrays import as_choice
 from geodesic_ocp.errors import RecordingError
 
 # What zipfile, its decompressors and NumPy raise of a damaged archive of arrays.
@@ -68,7 +69,6 @@ def read_structured(file: Path, what: str, hint: str = "") -> Any:
     """Read the content of a JSON, TOML (.toml) or YAML file (.yaml, .yml), not checked yet.
 
     Args:
-        file: the file.
         what: what the content should be, for messages, such as "convention".
         hint: text that follows the message when the file cannot be opened.
 
@@ -104,7 +104,6 @@ def parse_json(text: str, not_finite: Callable[[str], Any] = float) -> Any:
     """Return the value of a JSON text.
 
     Args:
-        text: the JSON.
         not_finite: called with the constants Infinity, -Infinity and NaN.
 
     Raises:
@@ -174,7 +173,6 @@ def read_arrays(
     """Return arrays in a NumPy archive (.npz), without Python objects.
 
     Args:
-        file: to read.
         choose: from the names of all arrays, those that are to be read; all by default.
 
     Raises:
@@ -330,9 +328,8 @@ def as_stated(
         if known and isinstance(record, dict) and "extends" in record:
             bases = {each.name: each for each in known}
             base = record.pop("extends")
-            if base not in bases:
-                raise ValueError(f"extends must be one of {', '.join(bases)}, got {base!r}")
-            inherited = {each.name: getattr(bases[base], each.name) for each in fields(kind)}
+            known_base = bases[as_choice("extends", base, bases)]
+            inherited = {each.name: getattr(known_base, each.name) for each in fields(kind)}
             defaults = inherited | defaults
         return from_record(kind, what, record, defaults)
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from commands import Output
 from six_joints import six_joints
 from small_retargeting import small_analysis
 
@@ -25,12 +26,11 @@ def robot(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_an_alignment_is_shown_written_and_shown_again_as_edited(
-    robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    robot: Path, tmp_path: Path, printed: Output
 ) -> None:
     out = tmp_path / "not there yet" / "six.json"
     command = ["align", str(robot), "--hand", "flange"]
-    assert cli.main([*command, "--out", str(out)]) == 0
-    text = capsys.readouterr().out
+    text = printed(*command, "--out", out)
     for part in ("at (0.000, 0.000, 0.350) m", "along +z of flange", "bend", "assuming that"):
         assert part in text
     assert f"wrote {out}" in text
@@ -39,16 +39,14 @@ def test_an_alignment_is_shown_written_and_shown_again_as_edited(
     assert any("where the axes of pan, lift meet" in note for note in record["notes"])
     record["side"], record["shoulder"] = "left", [0.0, 0.1, 0.3]
     out.write_text(json.dumps(record))
-    assert cli.main([*command, "--alignment", str(out)]) == 0
-    text = capsys.readouterr().out
+    text = printed(*command, "--alignment", out)
     assert f"read from {out}" in text
     assert "at (0.000, 0.100, 0.300) m" in text
 
 
-def test_side_and_base_are_options(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_side_and_base_are_options(robot: Path, printed: Output) -> None:
     command = ["align", str(robot), "--hand", "flange", "--side", "left", "--base", "floor"]
-    assert cli.main(command) == 0
-    text = capsys.readouterr().out
+    text = printed(*command)
     assert "mounted like a left shoulder" in text
     assert "palm" in text
     assert "wrote" not in text
@@ -75,16 +73,19 @@ def test_wrong_options_end_with_one_line(
 
 
 def test_retarget_names_options_that_do_not_fit(
-    robot: Path, bundled_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    robot: Path, bundled_file: Path, tmp_path: Path, refused: Output
 ) -> None:
     command = ["retarget", str(bundled_file), "--side", "left", "--robot", str(robot)]
-    assert cli.main([*command, "--hand", "flange", "--hand", "flange"]) == 2
-    assert "--hand: one for each --robot, got flange, flange" in capsys.readouterr().err
-    assert cli.main([*command, "--hand", "flange", "--export", "reach.txt"]) == 2
-    assert "file must end in .csv, .json, .npz, .parquet, .mcap, .rrd" in capsys.readouterr().err
+    assert "--hand: one for each --robot, got flange, flange" in refused(
+        *command, "--hand", "flange", "--hand", "flange"
+    )
+    assert "file must end in .csv, .json, .npz, .parquet, .mcap, .rrd" in refused(
+        *command, "--hand", "flange", "--export", "reach.txt"
+    )
     missing = tmp_path / "none.json"
-    assert cli.main([*command, "--hand", "flange", "--alignment", str(missing)]) == 2
-    assert "none.json: there is no such file" in capsys.readouterr().err
+    assert "none.json: there is no such file" in refused(
+        *command, "--hand", "flange", "--alignment", missing
+    )
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import Output
 from here import Here
 from minimum_jerk_files import write_stroke
 
@@ -39,12 +40,11 @@ def _here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_a_folder_is_analysed_and_again_nothing(
-    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    data: Path, tmp_path: Path, printed: Output, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     command = ["analyse", str(data), "--out", str(out), *QUICK, "--subject-from", "{subject}_*"]
-    assert cli.main(command) == 0
-    text = capsys.readouterr().out
+    text = printed(*command)
     assert "S1_reach.csv, right: " in text
     assert "3 analysed, 0 left out" in text
     assert "straight lines, same segments" in text
@@ -60,14 +60,11 @@ def test_a_folder_is_analysed_and_again_nothing(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_here")
-def test_patterns_and_several_files(
-    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_patterns_and_several_files(data: Path, tmp_path: Path, printed: Output) -> None:
     """The files of a pattern and one more, each once."""
     more = write_stroke(tmp_path / "more.csv", 7)
     files = [str(data / "*_reach.csv"), str(more), str(data / "S0_reach.csv")]
-    assert cli.main(["analyse", *files, "--out", str(tmp_path / "out"), *QUICK]) == 0
-    assert "4 analysed, 0 left out" in capsys.readouterr().out
+    assert "4 analysed, 0 left out" in printed("analyse", *files, "--out", tmp_path / "out", *QUICK)
 
 
 @pytest.mark.slow
@@ -180,20 +177,18 @@ def test_what_formats_leave_open_can_be_stated(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_stated_is_checked_first(
-    options: list[str], words: str, data: Path, capsys: pytest.CaptureFixture[str]
+    options: list[str], words: str, data: Path, refused: Output
 ) -> None:
-    assert cli.main(["analyse", str(data / "S0_reach.csv"), *options]) == 2
-    assert words in capsys.readouterr().err
+    assert words in refused("analyse", data / "S0_reach.csv", *options)
 
 
 def test_a_package_that_is_missing_is_named_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, refused: Output, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "recordings.parquet").write_bytes(b"PAR1")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setattr(study_tables, "has_parquet", lambda: False)
-    assert cli.main(["study", str(tmp_path)]) == 2
-    printed = capsys.readouterr().err
+    printed = refused("study", tmp_path)
     assert "Parquet needs pyarrow: pip install 'geodesic_ocp[parquet]'" in printed
     assert printed.count("\n") == 1
 
@@ -230,13 +225,13 @@ def test_without_a_terminal_there_is_no_bar(
 
 @pytest.mark.slow
 def test_a_scheduler_that_does_not_answer(
-    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    data: Path, tmp_path: Path, refused: Output, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = ["analyse", str(data), "--out", str(tmp_path / "out"), "--scheduler"]
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert cli.main([*command, "tcp://127.0.0.1:1"]) == 2
-    assert "--scheduler needs Dask: pip install 'geodesic_ocp[cluster]'" in capsys.readouterr().err
+    assert "--scheduler needs Dask: pip install 'geodesic_ocp[cluster]'" in refused(
+        *command, "tcp://127.0.0.1:1"
+    )
     monkeypatch.undo()
     pytest.importorskip("distributed")
-    assert cli.main([*command, "nowhere"]) == 2
-    assert "--scheduler nowhere: no scheduler answers" in capsys.readouterr().err
+    assert "--scheduler nowhere: no scheduler answers" in refused(*command, "nowhere")

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import Output
 from here import Here
 from marked_motion import HEIGHT, angles, marked
 
 import geodesic_ocp as go
-from geodesic_ocp.cli import main as cli
 from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.studies.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 
 @pytest.mark.slow
-def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_fit_is_shown_and_saved(tmp_path: Path, printed: Output) -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(60) / 50.0
     q = angles(arm, time)
     markers = marked(arm, q, time, MMM_MARKERS)
@@ -28,8 +28,7 @@ def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixtur
     lines = [",".join(map(repr, map(float, row))) for row in rows]
     file.write_text("\n".join(["# unit: mm", f"time,{header}", *lines]))
     out = tmp_path / "out"
-    assert cli.main(["analyse", str(file), "--height", str(HEIGHT), "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
+    printed = printed("analyse", file, "--height", HEIGHT, "--out", out)
     assert "Joint angles fitted to the markers (Master Motor Map)" in printed
     assert "Body height 1.800 m, " in printed
     assert "geodesic synergies" in printed
@@ -51,7 +50,7 @@ def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.slow
-def test_a_marker_set_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_marker_set_from_a_file(tmp_path: Path, printed: Output, refused: Output) -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(40) / 50.0
     markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
     names = [f"point {column}" for column in range(len(markers.names))]
@@ -66,7 +65,7 @@ def test_a_marker_set_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[
     lines = [",".join(map(repr, map(float, row))) for row in rows]
     file.write_text("\n".join(["# unit: m", f"time,{header}", *lines]))
     given = ["analyse", str(file), "--height", str(HEIGHT), "--metric", "euclidean"]
-    assert cli.main(given) == 2
-    assert "say where they are" in capsys.readouterr().err
-    assert cli.main([*given, "--marker-set", str(marker_set)]) == 0
-    assert "Joint angles fitted to the markers (points)" in capsys.readouterr().out
+    assert "say where they are" in refused(*given)
+    assert "Joint angles fitted to the markers (points)" in printed(
+        *given, "--marker-set", marker_set
+    )

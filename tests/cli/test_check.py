@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import Output
 from known_metrics import DIAGONAL
 
 from geodesic_ocp import validation
@@ -28,11 +29,11 @@ def short_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("short_table")
-def test_correct_table_ends_with_code_0(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["check", "--backend", "built-in"]) == 0
-    assert "1 known geodesics with built-in: all 4 checks passed" in capsys.readouterr().out
-    assert cli.main(["check", str(table(tmp_path / "mine.json"))]) == 0
-    assert "all 8 checks passed" in capsys.readouterr().out
+def test_correct_table_ends_with_code_0(tmp_path: Path, printed: Output) -> None:
+    assert "1 known geodesics with built-in: all 4 checks passed" in printed(
+        "check", "--backend", "built-in"
+    )
+    assert "all 8 checks passed" in printed("check", table(tmp_path / "mine.json"))
 
 
 @pytest.mark.usefixtures("short_table")
@@ -63,6 +64,5 @@ def test_malformed_table_ends_with_code_2(
         assert printed.err.count("\n") == 1
 
 
-def test_unknown_back_end_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["check", "--backend", "symbolic"]) == 2
-    assert 'Invalid value "symbolic" for --backend' in capsys.readouterr().err
+def test_unknown_back_end_is_wrong_usage(refused: Output) -> None:
+    assert 'Invalid value "symbolic" for --backend' in refused("check", "--backend", "symbolic")

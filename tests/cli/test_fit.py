@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import Output
 from fitting.synthetic import synthetic_recording
 
 import geodesic_ocp as go
-from geodesic_ocp.cli import main as cli
 
 TRUE = 0.05  # [m r^2]
 
@@ -38,11 +38,10 @@ def files(tmp_path: Path) -> list[Path]:
 
 @pytest.mark.slow
 def test_fit_writes_a_metric_that_analyse_takes(
-    files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    files: list[Path], tmp_path: Path, printed: Output
 ) -> None:
     out = tmp_path / "fitted"
-    assert cli.main(["fit", *map(str, files), "--leave-one-out", "--out", str(out)]) == 0
-    text = capsys.readouterr().out
+    text = printed("fit", *map(str, files), "--leave-one-out", "--out", out)
     assert "2 recordings of 2 people" in text
     assert "bootstrap" not in text  # of two there is none
     assert "Ann" in text
@@ -51,20 +50,18 @@ def test_fit_writes_a_metric_that_analyse_takes(
     metric = go.fitting.load_metric(out / "metric.json", go.human_arm("right", 1.65, 60.0))
     # The cuts are found, not given, and the filter rounds the corners of the motion.
     assert metric.joint_inertia[0] == pytest.approx(TRUE, rel=0.5)
-    assert cli.main(["analyse", str(files[0]), "--metric", str(out / "metric.json")]) == 0
-    assert "joint inertia" in capsys.readouterr().out
+    assert "joint inertia" in printed("analyse", files[0], "--metric", out / "metric.json")
 
 
 @pytest.mark.slow
 def test_groups_of_joints_and_wrong_parameters(
-    files: list[Path], capsys: pytest.CaptureFixture[str]
+    files: list[Path], printed: Output, refused: Output
 ) -> None:
     groups = ["--parameter", "armature:?S?_joint", "--parameter", "armature:?E?_joint,?W?_joint"]
-    assert cli.main(["fit", str(files[0]), *groups, "--bootstrap", "0"]) == 0
-    text = capsys.readouterr().out
+    text = printed("fit", files[0], *groups, "--bootstrap", "0")
     assert "armature:?S?_joint" in text
     assert "kg m^2" in text
-    assert cli.main(["fit", str(files[0]), "--parameter", "colour"]) == 2
-    assert "--parameter must be one of joint_inertia, armature" in capsys.readouterr().err
-    assert cli.main(["fit", str(files[0]), "--parameter", "armature:Knee"]) == 2
-    assert "no joint matches 'Knee'" in capsys.readouterr().err
+    assert "--parameter must be one of joint_inertia, armature" in refused(
+        "fit", files[0], "--parameter", "colour"
+    )
+    assert "no joint matches 'Knee'" in refused("fit", files[0], "--parameter", "armature:Knee")

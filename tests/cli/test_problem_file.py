@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from commands import Output
 
 import geodesic_ocp as go
-from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli.solve import problem_classes, with_fields
 
 GALLERY = Path(__file__).resolve().parents[2] / "problems"
@@ -46,11 +46,10 @@ def own(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_problem_is_solved_and_plotted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_problem_is_solved_and_plotted(tmp_path: Path, printed: Output) -> None:
     out = tmp_path / "new" / "folder"
     arguments = ["solve", DISC, "--set", "radius=0.4", "--tolerance", "1e-6", "--out", str(out)]
-    assert cli.main(arguments) == 0
-    text = capsys.readouterr().out
+    text = printed(*arguments)
     assert text.startswith("AroundDisc: From (-1, 0) to (1, 0) [m] around a disc")
     assert "exact length" in text
     assert "2.162243" in text
@@ -60,12 +59,10 @@ def test_problem_is_solved_and_plotted(tmp_path: Path, capsys: pytest.CaptureFix
     assert again.problem.radius == 0.4  # type: ignore[attr-defined]
 
 
-def test_every_class_of_a_file_is_solved(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["solve", str(own)]) == 0
-    text = capsys.readouterr().out
+def test_every_class_of_a_file_is_solved(own: Path, printed: Output) -> None:
+    text = printed("solve", own)
     assert text.index("Straight: A straight line.") < text.index("Longer: Another.")
-    assert cli.main(["solve", str(own), "--problem", "Longer", "--set", "end=[6, 8]"]) == 0
-    text = capsys.readouterr().out
+    text = printed("solve", own, "--problem", "Longer", "--set", "end=[6, 8]")
     assert "Straight" not in text
     rows = dict(line.rsplit(maxsplit=1) for line in text.splitlines() if line.startswith("length"))
     assert rows == {"length": "10"}
@@ -92,17 +89,14 @@ def test_every_class_of_a_file_is_solved(own: Path, capsys: pytest.CaptureFixtur
     ],
 )
 def test_wrong_settings_are_named(
-    own: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+    own: Path, arguments: list[str], message: str, refused: Output
 ) -> None:
-    assert cli.main(["solve", str(own), *arguments]) == 2
-    assert message in capsys.readouterr().err
+    assert message in refused("solve", own, *arguments)
 
 
-def test_fields_of_the_wrong_type_are_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["solve", str(GALLERY / "throw.py"), "--set", "ball=3"]) == 2
-    assert (
-        "Throw(ball=3) is not a valid problem: 'int' object has no attribute"
-        in capsys.readouterr().err
+def test_fields_of_the_wrong_type_are_named(refused: Output) -> None:
+    assert "Throw(ball=3) is not a valid problem: 'int' object has no attribute" in refused(
+        "solve", GALLERY / "throw.py", "--set", "ball=3"
     )
 
 
@@ -122,27 +116,22 @@ def test_fields_of_the_wrong_type_are_named(capsys: pytest.CaptureFixture[str]) 
     ],
 )
 def test_files_without_problems_are_named(
-    tmp_path: Path, content: str, message: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, content: str, message: str, refused: Output
 ) -> None:
     file = tmp_path / "file.py"
     file.write_text(content)
-    assert cli.main(["solve", str(file)]) == 2
-    assert message in capsys.readouterr().err
-    assert cli.main(["solve", str(tmp_path / "missing.py")]) == 2
-    assert "missing.py is not a Python file" in capsys.readouterr().err
+    assert message in refused("solve", file)
+    assert "missing.py is not a Python file" in refused("solve", tmp_path / "missing.py")
 
 
-def test_infeasible_problem_ends_with_code_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_infeasible_problem_ends_with_code_2(tmp_path: Path, refused: Output) -> None:
     file = tmp_path / "apart.py"
     file.write_text(
         OWN.replace("from beside import END", "END = (1.0, 1.0)")
         + "    def constraints(self, q, v): return [(5.0, q[0] + q[1], 6.0, 'far')]\n"
     )
-    assert cli.main(["solve", str(file), "--problem", "Longer"]) == 2
-    assert (
-        "the given start violates a constraint: far falls below 5 by 5" in capsys.readouterr().err
+    assert "the given start violates a constraint: far falls below 5 by 5" in refused(
+        "solve", file, "--problem", "Longer"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -190,18 +191,10 @@ def test_default_metrics(recordings: list[go.recordings.Recording], arm: go.Mode
 def test_bad_arguments_are_named(
     recordings: list[go.recordings.Recording], comparison: go.studies.MethodComparison
 ) -> None:
-    with pytest.raises(
-        ValueError, match=r"recordings must be one or more of go\.recordings\.Recording"
-    ):
-        go.studies.compare_methods([])
-    with pytest.raises(
-        ValueError, match=r"recordings must be one or more of go\.recordings\.Recording"
-    ):
-        go.studies.compare_methods([recordings[0].motion])  # type: ignore[list-item]
-    with pytest.raises(
-        ValueError, match=r"recordings must be one or more of go\.recordings\.Recording"
-    ):
-        go.studies.compare_methods(recordings[0].motion)  # type: ignore[arg-type]
+    motion: Any = recordings[0].motion
+    for wrong in ([], [motion], motion):
+        with pytest.raises(ValueError, match=r"must be one or more of go\.recordings\.Recording"):
+            go.studies.compare_methods(wrong)
     with pytest.raises(ValueError, match=r"segments must be pairs \(start, stop\), got \(0, 60\)"):
         go.studies.compare_methods(recordings[0], metrics(), segments=[(0, 60)])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="metrics must be at least one"):

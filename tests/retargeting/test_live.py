@@ -129,7 +129,7 @@ def test_synergies_close_where_the_whole_motion_is_cut() -> None:
     """With the filter of Klein et al., where all of its window is known."""
     file = files("geodesic_ocp") / "data" / "climb.csv"
     whole = go.read_motion(file, PERSON.joint_names).resampled(100.0)
-    raw = go.Motion(whole.time[200:450], whole.q[200:450], whole.joint_names)
+    raw = whole.part(200, 449)
     live, middle, smooth = new_live(), slice(10, -10), raw.filtered(21)
     for sample in zip(raw.time, raw.q, strict=True):
         live.step(*sample)

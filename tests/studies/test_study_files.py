@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from damage import damaged
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pandas.testing import assert_frame_equal
@@ -204,26 +205,17 @@ def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) 
 
 
 @pytest.mark.slow
-@given(st.integers(0, 10_000), st.integers(0, 255), st.sampled_from(["cut", "byte", "drop"]))
+@given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_damaged_tables_are_refused_or_read(
-    tmp_path: Path, place: int, value: int, kind: str
-) -> None:
+def test_damaged_tables_are_refused_or_read(tmp_path: Path, data: st.DataObject) -> None:
     """Never anything but a RecordingError; what is read can be averaged or says why not."""
-    recordings, synergies = drawn(0, 2, 1)
     if not (tmp_path / "whole.csv").is_file():
-        written(tmp_path, recordings, synergies)
+        written(tmp_path, *drawn(0, 2, 1))
         (tmp_path / "recordings.csv").replace(tmp_path / "whole.csv")
         for file in tmp_path.glob("*.parquet"):
             file.unlink()
     whole = (tmp_path / "whole.csv").read_bytes()
-    place %= len(whole)
-    damaged = {
-        "cut": whole[:place],
-        "byte": whole[:place] + bytes([value]) + whole[place + 1 :],
-        "drop": whole[:place] + whole[place + 1 + value % 40 :],
-    }[kind]
-    (tmp_path / "recordings.csv").write_bytes(damaged)
+    (tmp_path / "recordings.csv").write_bytes(data.draw(damaged(whole)))
     try:
         found = study(tmp_path)
         found.means()

@@ -146,8 +146,7 @@ def test_progress_runs_to_its_end(bundled_file: Path) -> None:
     seen: list[tuple[str, int, int]] = []
     arm = go.human_arm("left")
     motion = go.read_motion(bundled_file, arm.joint_names)
-    short = go.Motion(motion.time[740:], motion.q[740:], motion.joint_names)
-    go.analyse(arm, short, progress=lambda *report: seen.append(report))
+    go.analyse(arm, motion.part(740, len(motion) - 1), progress=lambda *report: seen.append(report))
     assert seen[0][0] == "cutting into segments"
     assert seen[-1][1] == seen[-1][2] > 0
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
@@ -166,9 +165,8 @@ def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.Analysis) -
     motion = go.read_motion(bundled_file)
     with pytest.raises(ValueError, match="there is no joint RSx_joint"):
         go.analyse(go.human_arm("right"), motion)
-    short = go.Motion(motion.time[:10], motion.q[:10], motion.joint_names)
     with pytest.raises(ValueError, match="too short to filter"):
-        go.analyse(bundled_analysis.model, short)
+        go.analyse(bundled_analysis.model, motion.part(0, 9))
     degrees = dataclasses.replace(motion, q=np.degrees(motion.q))
     with pytest.raises(ValueError, match="are these degrees"):
         go.analyse(bundled_analysis.model, degrees)

@@ -72,7 +72,7 @@ def test_optimal_cuts_of_cubics_find_where_a_motion_changes() -> None:
     assert found.segments(2) == [(0, 30), (30, 50)]
     assert found.errors[found.counts == 2][0] < 1e-8
     assert found.errors[found.counts == 1][0] > 1e-3
-    with pytest.raises(ValueError, match="curve must be one of 'geodesic', 'cubic'"):
+    with pytest.raises(ValueError, match="curve must be one of geodesic, cubic"):
         go.synergies.segment_optimal(HUMAN, motion, count=2, curve="line")  # type: ignore[arg-type]
 
 

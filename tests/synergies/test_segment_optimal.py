@@ -220,7 +220,7 @@ def test_progress_and_repr(motion: go.Motion) -> None:
         ({"count": 2.5}, "count must be a positive integer, got 2.5"),
         ({"error": -1.0}, "error must be at least .*, which 9 segments reach, got -1.0"),
         ({"penalty": -1.0}, "penalty must not be negative, got -1.0"),
-        ({"count": 3, "measure": "hand"}, "measure must be one of 'joint', .* got 'hand'"),
+        ({"count": 3, "measure": "hand"}, "measure must be one of joint, .* got 'hand'"),
         ({"count": 3, "measure": "position"}, "measure 'position' needs a model"),
         ({"count": 3, "spacing": 0.0}, r"spacing must be positive \[s\], got 0.0"),
         ({"count": 3, "max_duration": 0.05}, r"max_duration must be at least 0\.1 s"),

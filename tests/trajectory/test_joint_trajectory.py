@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,8 @@ def test_trajectories_side_by_side() -> None:
     assert both.units == ("rad", "m", "rad", "rad")
     assert_allclose(both.velocities[:, 2:], some().velocities)
     assert json.loads(both.json())["joint_names"] == ["a", "b", "c", "d"]
+    first = both.columns(slice(2), ("x", "y"))
+    assert first.csv() == replace(some(units=("rad", "m")), joint_names=("x", "y")).csv()
     with pytest.raises(ValueError, match="same times"):
         JointTrajectory.side_by_side([swing(3), some()], ("a", "b", "c", "d"))
 

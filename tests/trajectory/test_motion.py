@@ -88,6 +88,19 @@ def test_wrong_samples_are_named(time: object, q: object, message: str) -> None:
         go.Motion(time, q, ("a", "b"))
 
 
+def test_a_part_has_what_is_known_of_its_samples() -> None:
+    whole = parabola().filtered()
+    part = whole.part(20, 39)
+    assert whole.velocity is not None
+    assert whole.unfiltered is not None
+    for name in ("time", "q", "velocity", "unfiltered"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[20:40])
+    assert part.filter is whole.filter
+    for wrong in ((-1, 9), (5, 5), (50, 60)):
+        with pytest.raises(ValueError, match="samples must be in 0 to 59, got"):
+            whole.part(*wrong)
+
+
 def test_wrong_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="joint names must differ"):
         go.Motion([0.0, 0.1], np.zeros((2, 2)), ("a", "a"))

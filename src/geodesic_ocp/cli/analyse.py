@@ -8,7 +8,6 @@ import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,7 @@ from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.formats.angle_tables import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
-from geodesic_ocp.recordings.read_recording import read_motion, stature_of
+from geodesic_ocp.recordings.read_recording import BUNDLED, read_motion, stature_of
 from geodesic_ocp.recordings.recording import (
     PASSIVE,
     PASSIVE_REASON,
@@ -164,8 +163,7 @@ def save_analysis(
 def analyse_bundled(settings: AnalysisSettings) -> Analysis:
     """Analyse the bundled recording, and print the results."""
     print("The left arm of a person who climbs onto a box (motion capture, 7 s).")
-    with as_file(files("geodesic_ocp") / "data" / "climb.csv") as file:
-        recording = _read(file, "left", settings)
+    recording = _read(BUNDLED, "left", settings)
     return _analysed(recording, settings, "the bundled recording")
 
 

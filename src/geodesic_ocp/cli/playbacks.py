@@ -319,12 +319,7 @@ def _parts(
                 f"{file}: its joints {', '.join(given)} are not those of {robot.name}, "
                 f"{', '.join(robot.joint_names)}"
             )
-        kinds = ("positions", "velocities", "accelerations", "efforts")
-        arrays = {kind: getattr(trajectory, kind) for kind in kinds}
-        cut: dict[str, Any] = {
-            kind: None if each is None else each[:, own] for kind, each in arrays.items()
-        }
-        yield replace(trajectory, joint_names=robot.joint_names, units=trajectory.units[own], **cut)
+        yield trajectory.columns(own, robot.joint_names)
 
 
 def _with_marks(playback: Playback, file: Path) -> Playback:

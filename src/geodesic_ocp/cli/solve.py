@@ -59,35 +59,30 @@ def solve(
     written: list[str] = []
     for name, instance in [(name, with_fields(each, settings)) for name, each in classes.items()]:
         summary = (inspect.getdoc(instance) or "").partition("\n")[0]
+        found: MotionSolution | Solution
         if isinstance(instance, MotionProblem):
             if tolerance is not None:
                 raise ValueError(f"--tolerance is for paths, {name} is a motion in time")
-            motion = solve_problem(instance)
-            print(f"{name}: {summary}\n\n{text(motion_table(motion))}")
-            if out is not None:
-                stem = _stem(out, name)
-                motion.plot().savefig(stem.with_suffix(".png"), dpi=110)
-                motion.to_trajectory().save(stem.with_suffix(".csv"))
-                print()
-                print_written([f"{stem}.png", f"{stem}.csv"])
+            found = solve_problem(instance)
+            told = text(motion_table(found))
+        else:
+            found = solve_problem(instance, tolerance=tolerance)
+            told = f"{text(solution_table(found))}\n\n{found.certificate}"
+        print(f"{name}: {summary}\n\n{told}")
+        if out is None:
             continue
-        solution = solve_problem(instance, tolerance=tolerance)
-        print(f"{name}: {summary}\n\n{text(solution_table(solution))}\n\n{solution.certificate}")
-        if out is not None:
-            stem = _stem(out, name)
-            solution.plot().savefig(stem.with_suffix(".png"), dpi=110)
-            solution.save(stem.with_suffix(".json"))
-            print()
-            print_written([f"{stem}.png", f"{stem}.json"])
-            written.append(f"{stem}.json")
+        out.mkdir(parents=True, exist_ok=True)
+        found.plot().savefig(picture := out / f"{name}.png", dpi=110)
+        if isinstance(found, MotionSolution):
+            found.to_trajectory().save(data := out / f"{name}.csv")
+        else:
+            found.save(data := out / f"{name}.json")
+            written.append(str(data))
+        print()
+        print_written([picture, data])
     if written:
         shown = f"{shlex.join(written)} --problem {shlex.quote(str(file))}"
         print(f"\nto see it in motion: geodesic-ocp show {shown}")
-
-
-def _stem(out: Path, name: str) -> Path:
-    out.mkdir(parents=True, exist_ok=True)
-    return out / name
 
 
 def motion_table(motion: MotionSolution) -> DataFrame:

@@ -20,25 +20,16 @@ REST = "rest of the person"  # name and layer of its actor
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Actor(ShortRepr):
-    """A model that moves, or stands still, in a scene.
+    """A model that moves, or stands still, in a scene."""
 
-    Attributes:
-        name: name of the model, for the legend.
-        meshes: meshes of its links, each in the frame of its link.
-        rotations: rotations of each link in the scene, (k, 3, 3), or (1, 3, 3) if it does not move.
-        positions: positions of each link in the scene, (k, 3) or (1, 3) [m].
-        role: role whose colour it has; None: the colours of its meshes.
-        translucent: drawn as an overlay through which others are seen.
-        layer: name of the switch that shows it; "" if it is always shown.
-    """
-
-    name: str
-    meshes: tuple[Mesh, ...]
+    name: str  # name of the model, for the legend
+    meshes: tuple[Mesh, ...]  # meshes of its links, each in the frame of its link
+    # rotations of each link in the scene, (k, 3, 3), or (1, 3, 3) if it does not move
     rotations: Mapping[str, Array]
-    positions: Mapping[str, Array]
-    role: Role | None = None
-    translucent: bool = False
-    layer: str = ""
+    positions: Mapping[str, Array]  # positions of each link in the scene, (k, 3) or (1, 3) [m]
+    role: Role | None = None  # role whose colour it has; None: the colours of its meshes
+    translucent: bool = False  # drawn as an overlay through which others are seen
+    layer: str = ""  # name of the switch that shows it; "" if it is always shown
 
     _shown = ("name", "meshes")
 

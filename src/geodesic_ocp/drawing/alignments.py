@@ -188,7 +188,6 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
 
     Args:
         robot: the arm.
-        aligned: its alignment.
         person: a `human_arm` of the same side.
     """
     q = _key_postures(person)

@@ -63,7 +63,6 @@ def draw_overview(
     """Draw hand and joints over time in panels, and the path of the hand beside them.
 
     Args:
-        figure: to draw in.
         time: time of the samples (k,) [s].
         segments: (start, stop) samples of the segments, whose time spans are shaded.
         hands: positions (k, 3) [m] of the observed and the predicted hand.
@@ -155,7 +154,6 @@ def errors_over_time(
     (k,) [m] by its label and prediction.
 
     Args:
-        model: the model.
         observed: configurations (k, n).
         predicted: configurations (k, n) by the name of the prediction.
     """
@@ -217,7 +215,6 @@ def draw_analysis(
     """Draw the arm at some instants, the errors over time, the path of each hand, and the curve.
 
     Args:
-        figure: to draw in.
         time: time of the samples (k,) [s].
         segments: (start, stop) samples of the segments.
         instants: samples at which the arms are drawn, see `strip_instants`.

@@ -33,23 +33,14 @@ DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Shape(ShortRepr):
-    """The outline of something in a figure.
+    """The outline of something in a figure."""
 
-    Attributes:
-        outlines: closed lines (m, 2) around it.
-        depth: how near to the observer it is.
-        face: colour in it.
-        edge: colour of its outline.
-        width: width of its outline [pt].
-        hatch: pattern in it.
-    """
-
-    outlines: tuple[Array, ...]
-    depth: float
+    outlines: tuple[Array, ...]  # closed lines (m, 2) around it
+    depth: float  # how near to the observer it is
     face: Colour
-    edge: Colour
-    width: float = 0.7
-    hatch: str = ""
+    edge: Colour  # colour of its outline
+    width: float = 0.7  # width of its outline [pt]
+    hatch: str = ""  # pattern in it
 
     _shown = ("outlines", "depth")
 
@@ -79,19 +70,12 @@ def draw_shapes(axes: Axes, shapes: Iterable[Shape], zorder: float = 2.0) -> Non
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Postures(ShortRepr):
-    """A model in k configurations, with the rest of the person if it is a person's.
-
-    Attributes:
-        model: the model.
-        actors: the model, and the rest of the person.
-        joints: origins of the frames of the moving links and of the hands, (k, j, 3) [m].
-        hands: positions of the hands, (k, hands, 3) [m].
-    """
+    """A model in k configurations, with the rest of the person if it is a person's."""
 
     model: Model
-    actors: tuple[Actor, ...]
-    joints: Array
-    hands: Array
+    actors: tuple[Actor, ...]  # the model, and the rest of the person
+    joints: Array  # origins of the frames of the moving links and of the hands, (k, j, 3) [m]
+    hands: Array  # positions of the hands, (k, hands, 3) [m]
 
     _shown = ("model", "hands")
 
@@ -208,7 +192,6 @@ def draw_obstacle(
     A half-space whose boundary is not seen edge-on is omitted: it would fill the figure.
 
     >>> from matplotlib.figure import Figure
-    >>> import geodesic_ocp as go
     >>> axes = Figure().add_subplot()
     >>> go.drawing.draw_obstacle(axes, go.Ball(centre=(0.0, 0.0, 0.0), radius=0.1), (0, 1))
 

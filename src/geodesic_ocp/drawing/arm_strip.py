@@ -46,19 +46,12 @@ _TARGET |= {"color": OBSERVED["color"]}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StripArm(ShortRepr):
-    """Shapes to be drawn of a model in each figure of a strip.
+    """Shapes to be drawn of a model in each figure of a strip."""
 
-    Attributes:
-        postures: at the instants.
-        role: role whose colour it has.
-        label: for the legend.
-        filled: whether its bodies are filled; otherwise they are dashed outlines on top.
-    """
-
-    postures: Postures
-    role: str = "observed"
-    label: str = "arm"
-    filled: bool = True
+    postures: Postures  # at the instants
+    role: str = "observed"  # role whose colour it has
+    label: str = "arm"  # for the legend
+    filled: bool = True  # whether its bodies are filled; otherwise they are dashed outlines on top
 
     _shown = ("label", "role")
 
@@ -220,7 +213,6 @@ def draw_overlay(
     """Draw a model in k configurations into one axes, with numbers in m along two axes of space.
 
     Args:
-        axes: to draw in.
         view: along an axis of space.
         postures: postures of the model.
         labels: beside the hand in each of them; "" for none.
@@ -339,9 +331,7 @@ def draw_path_arms(
     """Draw a model at some instants of a path, one of them where it is nearest to an obstacle.
 
     Args:
-        axes: to draw in.
         path: path of the model.
-        model: the arm.
         obstacles: obstacles that do not move.
         links: links that keep clear of obstacles; None: all that move.
         close: where it is nearest to an obstacle is drawn here, too; removed if that is not known.

@@ -25,21 +25,14 @@ _SIDES = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Camera:
-    """A camera of a perspective projection or, where it is at infinity, of a parallel one.
+    """A camera of a perspective projection or, where it is at infinity, of a parallel one."""
 
-    Attributes:
-        axes: rows: to the right and up in the picture, and towards the observer, (3, 3).
-        eye: where it is, (3,) [m]; None: at infinity.
-        focal: focal length [pixel].
-        middle: the pixel (2,) that it looks at, from the upper left corner.
-        shape: height and width of the picture [pixel].
-    """
-
-    axes: Array
-    eye: Array | None = None
-    focal: float = 1.0
+    axes: Array  # rows: to the right and up in the picture, and towards the observer, (3, 3)
+    eye: Array | None = None  # where it is, (3,) [m]; None: at infinity
+    focal: float = 1.0  # focal length [pixel]
+    # the pixel (2,) that it looks at, from the upper left corner
     middle: Array = field(default_factory=lambda: np.zeros(2))
-    shape: tuple[int, int] = (0, 0)
+    shape: tuple[int, int] = (0, 0)  # height and width of the picture [pixel]
 
     def __repr__(self) -> str:
         return f"Camera(towards={self.towards.tolist()})"

@@ -38,7 +38,6 @@ def joint_plots(
     """Return plots of one number for each joint over time.
 
     Args:
-        model: model whose joints they are.
         time: time of the samples (k,).
         values: (k, n), in the order of `Model.joint_names`.
         labels: labels of the axes, by the unit of the coordinate, "rad" or "m"; joints whose labels
@@ -63,7 +62,6 @@ def short_name(joint: str) -> str:
 def joint_groups(model: Model) -> dict[str, list[int]]:
     """Return columns of the configuration by what the joints move; of up to 8 joints, all under "".
 
-    >>> import geodesic_ocp as go
     >>> {name: len(group) for name, group in joint_groups(go.human_upper_body()).items()}
     {'trunk': 6, 'right arm': 7, 'left arm': 7}
     """
@@ -213,7 +211,6 @@ def shown_samples(time: Array) -> tuple[NDArray[np.int64], str]:
     Every n-th sample and the last one, as they are, not interpolated: at most about 200 per second
     and 12000 altogether.
 
-    >>> import numpy as np
     >>> shown, note = shown_samples(np.arange(1001) / 1000.0)
     >>> len(shown), note
     (201, 'every 5th of 1001 samples is shown')

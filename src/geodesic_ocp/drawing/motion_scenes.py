@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -22,7 +23,7 @@ from geodesic_ocp.drawing.model_scene import (
     overlaid,
     shown_samples,
 )
-from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span, beside
+from geodesic_ocp.drawing.scene import Curve, Playback, Plot, Scene, Span, beside, numbered_spans
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import upright
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
@@ -140,10 +141,8 @@ def motion_playback(
     more than 200 samples per second or 12000 altogether every n-th is shown, which the note of the
     scene says.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
-    >>> motion_playback(motion, go.human_arm("left")).scenes[0].trails[0]
+    >>> recording = go.recordings.bundled_recording()
+    >>> motion_playback(recording.motion, recording.model).scenes[0].trails[0]
     Trail(name='hand', points=<840 x 3 entries>)
 
     Args:
@@ -208,7 +207,6 @@ def model_playback(model: Model, q: np.ndarray | None = None) -> Playback:
     joints.
 
     Args:
-        model: model that is shown.
         q: a configuration (n,) or several (k, n) [rad or m]; by default each joint at zero, or at
             the limit that is nearest to zero.
 
@@ -331,15 +329,7 @@ def planned_playback(planned: PlannedTrajectory) -> Playback:
     for number, arm in enumerate(planned.arms):
         own = slice(first, first + arm.robot.dof)
         first = own.stop
-        trajectory = JointTrajectory(
-            whole.time,
-            whole.positions[:, own],
-            whole.velocities[:, own],
-            whole.accelerations[:, own],
-            arm.robot.joint_names,
-            arm.robot.units,
-            None if whole.efforts is None else whole.efforts[:, own],
-        )
+        trajectory = whole.columns(own, arm.robot.joint_names)
         part = trajectory_playback(trajectory, arm.robot, limits=arm.limits, gravity=arm.gravity)
         parts.append(replace(part, spans={"paths": _path_spans(planned, number)}))
     robots = [arm.robot for arm in planned.arms]
@@ -350,14 +340,8 @@ def _path_spans(planned: PlannedTrajectory, number: int) -> tuple[Span, ...]:
     """Return spans of the paths of an arm, numbered from 1; of those on which it moves."""
     arm = planned.arms[number]
     edges = planned.robot_time(arm.edges)
-    spans = []
-    for index, (path, start, stop) in enumerate(
-        zip(arm.paths, edges[:-1], edges[1:], strict=True), 1
-    ):
-        if path.length > 0.0:
-            text = f"path {index} ({stop - start:.2f} s)"
-            spans.append(Span(str(index), float(start), float(stop), text))
-    return tuple(spans)
+    spans = zip(arm.paths, numbered_spans("path", pairwise(edges)), strict=True)
+    return tuple(span for path, span in spans if path.length > 0.0)
 
 
 _ERRORS = {"rad": "joint errors [rad]", "m": "prismatic joint errors [m]"}

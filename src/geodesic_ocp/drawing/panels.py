@@ -116,17 +116,11 @@ _STYLE: dict[Any, Any] = {"font.family": "DejaVu Sans", "xtick.color": SOFT, "yt
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Panel:
-    """A matplotlib canvas whose static part is drawn once.
+    """A matplotlib canvas whose static part is drawn once."""
 
-    Attributes:
-        canvas: canvas of the figure.
-        still: its static part.
-        moving: what changes with time.
-    """
-
-    canvas: Any
-    still: Any
-    moving: tuple[Moving, ...]
+    canvas: Any  # canvas of the figure
+    still: Any  # its static part
+    moving: tuple[Moving, ...]  # what changes with time
 
     def picture(
         self, instant: float, panes: Sequence[tuple[Box, NDArray[np.uint8]]]

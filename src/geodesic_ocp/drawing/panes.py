@@ -82,27 +82,17 @@ _AXIS = 0.12  # [m], length of the axes of a frame
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pane:
-    """A scene before a camera.
-
-    Attributes:
-        scene: what is drawn.
-        parts: surfaces of the scene.
-        camera: camera with `SAMPLES` pixels per pixel of the picture, in either direction.
-        floor: its height [m].
-        scale: scale of line widths [camera pixel].
-        backdrop: what is behind everything, (height, width, 3) of the camera.
-        still: what is seen of surfaces that do not move, and where they shade the floor.
-        trails: trails with their lines in the picture.
-    """
+    """A scene before a camera."""
 
     scene: Scene
-    parts: tuple[Part, ...]
-    camera: Camera
-    floor: float
-    scale: float
-    backdrop: Pixels
+    parts: tuple[Part, ...]  # surfaces of the scene
+    camera: Camera  # camera with `SAMPLES` pixels per pixel of the picture, in either direction
+    floor: float  # its height [m]
+    scale: float  # scale of line widths [camera pixel]
+    backdrop: Pixels  # what is behind everything, (height, width, 3) of the camera
+    # what is seen of surfaces that do not move, and where they shade the floor
     still: tuple[Visible, Pixels]
-    trails: tuple[tuple[Trail, Stroke], ...]
+    trails: tuple[tuple[Trail, Stroke], ...]  # trails with their lines in the picture
 
     def picture(self, instant: float) -> NDArray[np.uint8]:
         """Return the scene at an instant, (height, width, 3)."""

@@ -76,7 +76,6 @@ def draw_path(
     The speed is drawn, too, where it is not constant.
 
     Args:
-        path: to be drawn.
         title: title of the figure.
         draw_extra: draws additional items beside the path, such as obstacles.
         figure: to be cleared and drawn into; None: a new one.

@@ -123,12 +123,10 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     with the limits that they reach, and the speed. Without a model a path of up to three
     coordinates is a curve in their space, with unit balls of the metric.
 
-    >>> import geodesic_ocp as go
     >>> path_playback(go.geodesic(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0]))
     Playback('Geodesic: length 5', 1 scenes, 0 to 1)
 
     Args:
-        path: path that is shown.
         model: model that moves; None: that of the path's metric, if it has one.
         title: title of the playback; by default what the path is, and its length.
 

@@ -59,7 +59,6 @@ class Synergies(tuple[Synergy, ...]):
 def playback_of(*items: Any, title: str = "") -> Playback:
     """Return playbacks of results; several are shown side by side.
 
-    >>> import geodesic_ocp as go
     >>> playback_of(go.human_arm("right"), go.human_arm("left"))
     Playback('human right arm and human left arm', 2 scenes, 0 to 0)
 

@@ -18,19 +18,12 @@ _PIXELS, _SAMPLES = 300, 3  # of the longer side of an outline, and of a pixel's
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fragments:
-    """Pixels in which something is seen.
+    """Pixels in which something is seen."""
 
-    Attributes:
-        pixels: indices (p,) into the flattened picture.
-        triangles: which of the triangles is seen, (p,).
-        weights: barycentric coordinates of the pixel's centre in its triangle, (p, 3).
-        closeness: reciprocal of the depth, (p,) [1/m].
-    """
-
-    pixels: NDArray[np.int64]
-    triangles: NDArray[np.int64]
-    weights: Array
-    closeness: Array
+    pixels: NDArray[np.int64]  # indices (p,) into the flattened picture
+    triangles: NDArray[np.int64]  # which of the triangles is seen, (p,)
+    weights: Array  # barycentric coordinates of the pixel's centre in its triangle, (p, 3)
+    closeness: Array  # reciprocal of the depth, (p,) [1/m]
 
 
 def nearest_fragments(corners: Array, depths: Array, shape: tuple[int, int]) -> Fragments:

@@ -25,7 +25,16 @@ from geodesic_ocp.drawing.model_scene import (
 )
 from geodesic_ocp.drawing.motion_scenes import motion_playback, of_joints, viewed_from
 from geodesic_ocp.drawing.path_scenes import model_of
-from geodesic_ocp.drawing.scene import Curve, Cut, Playback, Plot, PointCloud, Scene, Span
+from geodesic_ocp.drawing.scene import (
+    Curve,
+    Cut,
+    Playback,
+    Plot,
+    PointCloud,
+    Scene,
+    Span,
+    numbered_spans,
+)
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import carried, mobility_ellipsoids
 from geodesic_ocp.model.look import Indices
@@ -108,12 +117,8 @@ def marked(spans: Sequence[Span], marks: Sequence[Cut]) -> tuple[Span, ...]:
 
 def synergy_spans(synergies: Sequence[Synergy]) -> tuple[Span, ...]:
     """Return spans of synergies, numbered from 1."""
-    spans = []
-    for number, synergy in enumerate(synergies, 1):
-        start, stop = synergy.start_time, synergy.start_time + synergy.duration
-        text = f"synergy {number} ({synergy.duration:.2f} s)"
-        spans.append(Span(str(number), start, stop, text))
-    return tuple(spans)
+    times = ((each.start_time, each.start_time + each.duration) for each in synergies)
+    return numbered_spans("synergy", times)
 
 
 def _plots(analysis: Analysis, shown: Indices, others: Sequence[str]) -> tuple[Plot, ...]:
@@ -302,10 +307,7 @@ def saved_synergies_playback(
     Raises:
         ValueError: the synergies, or the motion, lack joints of the model.
     """
-    spans = tuple(
-        Span(str(number), *span, f"synergy {number} ({span[1] - span[0]:.2f} s)")
-        for number, span in enumerate(saved.spans, 1)
-    )
+    spans = numbered_spans("synergy", saved.spans)
     predicted = replace(saved.motion, velocity=saved.motion(saved.motion.time, 1))
     if observed is None:
         note = "as the synergies predict"

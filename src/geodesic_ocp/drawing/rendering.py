@@ -22,29 +22,17 @@ _CREASE = np.deg2rad(35.0)  # [rad]: edges between faces that differ by more sta
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Part:
-    """A rigid or stretched surface that moves.
+    """A rigid or stretched surface that moves."""
 
-    Attributes:
-        vertices: (v, 3) [m].
-        normals: at the vertices (v, 3), outward.
-        triangles: (m, 3), indices of vertices, counter-clockwise seen from outside.
-        colour: red, green and blue, from 0 to 1.
-        alpha: how opaque it is, from 0 to 1.
-        matrices: matrices of its motion x -> M x + p, (k, 3, 3) or (1, 3, 3).
-        positions: p, (k, 3) or (1, 3) [m].
-        overlay: whether it is outlined, and others are seen through it.
-        coloured: whether it has the colour of a role.
-    """
-
-    vertices: Array
-    normals: Array
-    triangles: NDArray[np.int64]
-    colour: Colour
-    alpha: float
-    matrices: Array
-    positions: Array
-    overlay: bool = False
-    coloured: bool = False
+    vertices: Array  # (v, 3) [m]
+    normals: Array  # at the vertices (v, 3), outward
+    triangles: NDArray[np.int64]  # (m, 3), indices of vertices, counter-clockwise seen from outside
+    colour: Colour  # red, green and blue, from 0 to 1
+    alpha: float  # how opaque it is, from 0 to 1
+    matrices: Array  # matrices of its motion x -> M x + p, (k, 3, 3) or (1, 3, 3)
+    positions: Array  # p, (k, 3) or (1, 3) [m]
+    overlay: bool = False  # whether it is outlined, and others are seen through it
+    coloured: bool = False  # whether it has the colour of a role
 
     @property
     def still(self) -> bool:
@@ -82,21 +70,13 @@ def at(samples: Array, when: float) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Surfaces:
-    """Parts in the scene at a moment, as one surface.
+    """Parts in the scene at a moment, as one surface."""
 
-    Attributes:
-        points: vertices (v, 3) [m].
-        normals: at the vertices (v, 3), not of unit length.
-        triangles: indices of vertices (m, 3).
-        colours: of the triangles (m, 3).
-        coloured: whether triangles have the colour of a role, (m,).
-    """
-
-    points: Array
-    normals: Array
-    triangles: NDArray[np.int64]
-    colours: Single
-    coloured: NDArray[np.bool_]
+    points: Array  # vertices (v, 3) [m]
+    normals: Array  # at the vertices (v, 3), not of unit length
+    triangles: NDArray[np.int64]  # indices of vertices (m, 3)
+    colours: Single  # of the triangles (m, 3)
+    coloured: NDArray[np.bool_]  # whether triangles have the colour of a role, (m,)
 
 
 def placed(parts: Sequence[Part], when: float) -> Surfaces:
@@ -122,19 +102,12 @@ def placed(parts: Sequence[Part], when: float) -> Surfaces:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Visible:
-    """Pixels in which surfaces are seen.
+    """Pixels in which surfaces are seen."""
 
-    Attributes:
-        pixels: indices (p,) into the flattened picture.
-        shades: their colours, (p, 3).
-        closeness: reciprocal of the depth, (p,) [1/m].
-        coloured: where the surface has the colour of a role, (p,).
-    """
-
-    pixels: NDArray[np.int64]
-    shades: Single
-    closeness: Single
-    coloured: NDArray[np.bool_]
+    pixels: NDArray[np.int64]  # indices (p,) into the flattened picture
+    shades: Single  # their colours, (p, 3)
+    closeness: Single  # reciprocal of the depth, (p,) [1/m]
+    coloured: NDArray[np.bool_]  # where the surface has the colour of a role, (p,)
 
 
 def visible(surfaces: Surfaces, camera: Camera) -> Visible:

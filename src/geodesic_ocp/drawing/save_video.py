@@ -37,7 +37,6 @@ def frames(
     """Yield pictures of a playback.
 
     Args:
-        playback: what is drawn.
         instants: instants of the pictures, in the playback's time.
         width: width of the pictures [px], even.
         layers: those that are shown.
@@ -229,7 +228,6 @@ def save_video(
     stays for half a second. If nothing moves, the camera turns around once, in 6 s.
 
     Args:
-        playback: what is drawn.
         file: path, whose folder must exist.
         rate: rate of the frames [1 / s]; at most 50 for .gif, 100 for .webp and 240 for .mp4.
         width: width of the frames [px], from 160 to 3840; an odd one is reduced by 1.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -34,122 +34,80 @@ def plain_text(text: str) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trail(ShortRepr):
-    """A line in a scene, such as the path of a hand, with a dot that moves along it.
+    """A line in a scene, such as the path of a hand, with a dot that moves along it."""
 
-    Attributes:
-        name: for the legend.
-        points: points of the line, (m, 3) [m].
-        role: role whose colour it has.
-        dot: positions (k, 3) [m] of the dot over time; None: no dot.
-        layer: name of the switch that shows it.
-    """
-
-    name: str
-    points: Array
-    role: Role
-    dot: Array | None = None
-    layer: str = "hand path"
+    name: str  # for the legend
+    points: Array  # points of the line, (m, 3) [m]
+    role: Role  # role whose colour it has
+    dot: Array | None = None  # positions (k, 3) [m] of the dot over time; None: no dot
+    layer: str = "hand path"  # name of the switch that shows it
 
     _shown = ("name", "points")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solid(ShortRepr):
-    """A stationary body in a scene, such as an obstacle.
+    """A stationary body in a scene, such as an obstacle."""
 
-    Attributes:
-        name: for the legend.
-        vertices: (k, 3) [m], in the scene.
-        triangles: (m, 3), indices of vertices, counter-clockwise seen from outside.
-        unbounded: whether it is a piece of something infinite, such as a half-space.
-        layer: name of the switch that shows it.
-    """
-
-    name: str
-    vertices: Array
-    triangles: Indices
-    unbounded: bool = False
-    layer: str = "obstacles"
+    name: str  # for the legend
+    vertices: Array  # (k, 3) [m], in the scene
+    triangles: Indices  # (m, 3), indices of vertices, counter-clockwise seen from outside
+    unbounded: bool = False  # whether it is a piece of something infinite, such as a half-space
+    layer: str = "obstacles"  # name of the switch that shows it
 
     _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrameTrack(ShortRepr):
-    """A coordinate frame over time, drawn as three axes.
-
-    Attributes:
-        name: name of the frame.
-        rotations: in the scene, (k, 3, 3) or (1, 3, 3).
-        positions: positions of its origin, (k, 3) or (1, 3) [m].
-        layer: name of the switch that shows it.
-    """
+    """A coordinate frame over time, drawn as three axes."""
 
     name: str
-    rotations: Array
-    positions: Array
-    layer: str = "frames"
+    rotations: Array  # in the scene, (k, 3, 3) or (1, 3, 3)
+    positions: Array  # positions of its origin, (k, 3) or (1, 3) [m]
+    layer: str = "frames"  # name of the switch that shows it
 
     _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EllipsoidTrack(ShortRepr):
-    """An ellipsoid over time, such as the unit ball of the metric at the hand.
+    """An ellipsoid over time, such as the unit ball of the metric at the hand."""
 
-    Attributes:
-        name: for the legend.
-        centres: (k, 3) [m].
-        axes: matrices (k, 3, 3) that map the unit ball onto the ellipsoid around its centre [m, as
-            drawn], such as those whose columns are the semi-axes.
-        layer: name of the switch that shows it.
-    """
-
-    name: str
-    centres: Array
+    name: str  # for the legend
+    centres: Array  # (k, 3) [m]
+    # matrices (k, 3, 3) that map the unit ball onto the ellipsoid around its centre [m, as drawn],
+    # such as those whose columns are the semi-axes
     axes: Array
-    layer: str = "mobility ellipsoids"
+    layer: str = "mobility ellipsoids"  # name of the switch that shows it
 
     _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gap(ShortRepr):
-    """The distance between two bodies over time, drawn between their nearest points.
+    """The distance between two bodies over time, drawn between their nearest points."""
 
-    Attributes:
-        name: name of the two, as in the constraint.
-        starts, ends: nearest points, (k, 3) [m] each.
-        distances: (k,) [m], negative where the bodies overlap.
-        layer: name of the switch that shows it.
-    """
-
-    name: str
+    name: str  # name of the two, as in the constraint
+    # starts, ends: nearest points, (k, 3) [m] each
     starts: Array
     ends: Array
-    distances: Array
-    layer: str = "clearances"
+    distances: Array  # (k,) [m], negative where the bodies overlap
+    layer: str = "clearances"  # name of the switch that shows it
 
     _shown = ("name",)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PointCloud(ShortRepr):
-    """Points over time, such as markers.
+    """Points over time, such as markers."""
 
-    Attributes:
-        name: for the legend.
-        positions: (k, m, 3), or (1, m, 3) if they do not move [m]; NaN where a point is not known.
-        labels: names of the m points.
-        layer: name of the switch that shows it.
-        role: role whose colour it has; None: that of markers.
-    """
-
-    name: str
+    name: str  # for the legend
+    # (k, m, 3), or (1, m, 3) if they do not move [m]; NaN where a point is not known
     positions: Array
-    labels: tuple[str, ...]
-    layer: str = "markers"
-    role: Role | None = None
+    labels: tuple[str, ...]  # names of the m points
+    layer: str = "markers"  # name of the switch that shows it
+    role: Role | None = None  # role whose colour it has; None: that of markers
 
     _shown = ("name", "labels")
 
@@ -161,16 +119,10 @@ _KINDS = ("actors", "trails", "solids", "clouds", "gaps", "frames", "ellipsoids"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene(ShortRepr):
-    """One pane: actors and what is drawn around them; x points right, y forward and z up.
+    """One pane: actors and what is drawn around them; x points right, y forward and z up."""
 
-    Attributes:
-        title: above the pane.
-        time: time of the samples (k,), increasing; a single one if nothing moves.
-        note: beside the title, in smaller type.
-    """
-
-    title: str
-    time: Array
+    title: str  # above the pane
+    time: Array  # time of the samples (k,), increasing; a single one if nothing moves
     actors: tuple[Actor, ...] = ()
     trails: tuple[Trail, ...] = ()
     solids: tuple[Solid, ...] = ()
@@ -178,7 +130,7 @@ class Scene(ShortRepr):
     ellipsoids: tuple[EllipsoidTrack, ...] = ()
     gaps: tuple[Gap, ...] = ()
     clouds: tuple[PointCloud, ...] = ()
-    note: str = ""
+    note: str = ""  # beside the title, in smaller type
 
     _shown = ("title", "actors", "time")
 
@@ -234,20 +186,22 @@ Cut = Literal["stable", "doubtful"]  # what is known of a cut
 
 @dataclass(frozen=True)
 class Span:
-    """A named span of time, such as a synergy.
+    """A named span of time, such as a synergy."""
 
-    Attributes:
-        name: shown on the slider.
-        start, stop: in the playback's time.
-        text: full description, such as "synergy 3 (0.42 s)".
-        cut: how sure its start is, if that is known.
-    """
-
-    name: str
+    name: str  # shown on the slider
+    # start, stop: in the playback's time
     start: float
     stop: float
-    text: str = ""
-    cut: Cut | None = None
+    text: str = ""  # full description, such as "synergy 3 (0.42 s)"
+    cut: Cut | None = None  # how sure its start is, if that is known
+
+
+def numbered_spans(what: str, ends: Iterable[tuple[float, float]]) -> tuple[Span, ...]:
+    """Return spans with these ends, numbered from 1, such as "synergy 3 (0.42 s)"."""
+    return tuple(
+        Span(str(number), float(start), float(stop), f"{what} {number} ({stop - start:.2f} s)")
+        for number, (start, stop) in enumerate(ends, 1)
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -273,21 +227,13 @@ class Curve(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plot(ShortRepr):
-    """Curves over time, drawn below the scenes.
+    """Curves over time, drawn below the scenes."""
 
-    Attributes:
-        label: label of the vertical axis, with its unit in brackets, as "hand speed [m/s]".
-        curves: at least one.
-        title: above the plot; usually what several plots of the same label differ in.
-        marks: values of horizontal lines, such as limits.
-        marked: what these are, for the legend.
-    """
-
-    label: str
-    curves: tuple[Curve, ...]
-    title: str = ""
-    marks: tuple[float, ...] = ()
-    marked: str = ""
+    label: str  # label of the vertical axis, with its unit in brackets, as "hand speed [m/s]"
+    curves: tuple[Curve, ...]  # at least one
+    title: str = ""  # above the plot; usually what several plots of the same label differ in
+    marks: tuple[float, ...] = ()  # values of horizontal lines, such as limits
+    marked: str = ""  # what these are, for the legend
 
     _shown = ("label", "curves")
 
@@ -297,7 +243,6 @@ class Playback:
     """Scenes side by side that are played together.
 
     Attributes:
-        title: title of all.
         scenes: one pane each.
         spans: rows of the slider by name, such as the synergies of "person" and "panda"; empty if
             nothing divides the time.

@@ -60,23 +60,14 @@ def paper_style() -> Iterator[None]:
 
 @dataclass(frozen=True, repr=False)
 class StudyGroup(ShortRepr):
-    """Points and mean to be drawn of one method under one condition.
+    """Points and mean to be drawn of one method under one condition."""
 
-    Attributes:
-        label: label of the method.
-        condition: empty without conditions.
-        points: points of the subjects.
-        mean: mean of the points; NaN of none.
-        interval: interval of the mean; None if there is none.
-        note: written at the right edge.
-    """
-
-    label: str
-    condition: str
-    points: tuple[float, ...]
-    mean: float
-    interval: tuple[float, float] | None = None
-    note: str = ""
+    label: str  # label of the method
+    condition: str  # empty without conditions
+    points: tuple[float, ...]  # points of the subjects
+    mean: float  # mean of the points; NaN of none
+    interval: tuple[float, float] | None = None  # interval of the mean; None if there is none
+    note: str = ""  # written at the right edge
 
     _shown = ("label", "points", "mean")
 
@@ -85,7 +76,6 @@ def draw_groups(axes: Axes, groups: Sequence[StudyGroup], label: str) -> None:
     """Draw one row for each method, from the top: subjects as circles, mean and interval.
 
     Args:
-        axes: axes of matplotlib.
         groups: in the order of their rows; those of equal labels share one.
         label: label of the horizontal axis, with the unit.
     """
@@ -173,7 +163,6 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
     The mean of the subjects' distributions counts every subject the same.
 
     Args:
-        axes: axes of matplotlib.
         values: values of each subject, (k,) each, by condition; NaN are left out.
         label: label of the horizontal axis, with the unit.
     """
@@ -220,7 +209,6 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
     Points are one image also in a vector file, which stays small.
 
     Args:
-        axes: axes of matplotlib.
         x, y: numbers; pairs with a NaN are left out.
         labels: labels of the two axes, with units.
     """
@@ -252,20 +240,14 @@ _LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
 
 
 class Means(NamedTuple):
-    """Means of a measure to be drawn.
+    """Means of a measure to be drawn."""
 
-    Attributes:
-        axis: label of the axis, with its unit.
-        scale: from the table's unit to that of the axis.
-        table: table by condition, if there are several, and method, with columns "mean" and the
-            ends of the interval as the last two.
-        points: the subjects' means (k,) of each row of the table.
-    """
-
-    axis: str
-    scale: float
+    axis: str  # label of the axis, with its unit
+    scale: float  # from the table's unit to that of the axis
+    # table by condition, if there are several, and method, with columns "mean" and the ends of the
+    # interval as the last two
     table: DataFrame
-    points: list[Array]
+    points: list[Array]  # the subjects' means (k,) of each row of the table
 
 
 def _key(index: Any) -> tuple[str, str]:

@@ -123,9 +123,7 @@ def new_figure(width: float, height: float) -> Figure:
 def in_degrees(shown: Any) -> Any:
     """Return a table or a figure with its angles in degrees instead of radians.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> recording = go.recordings.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> go.drawing.in_degrees(analysis.table()).columns[1]
     'joints [deg]'

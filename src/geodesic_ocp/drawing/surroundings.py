@@ -271,7 +271,6 @@ def collision_bodies(
     """Return the capsules and balls around the links, as an overlay, if there are any.
 
     Args:
-        model: model with collision bodies.
         q: configurations (k, n) [rad or m].
         links: links whose bodies are shown; None: all.
     """

@@ -158,7 +158,6 @@ def show(
 ) -> Viewer:
     """Show results in motion, several of them side by side: inline, in a browser or in a file.
 
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm("right")
     >>> viewer = show(arm, open_browser=False)
     >>> viewer.html()[:15]
@@ -222,12 +221,8 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
     figure below.
 
     >>> import tempfile
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> analysis = go.analyse(arm, reach)
+    >>> recording = go.recordings.bundled_recording()
+    >>> analysis = go.analyse(recording.model, recording.motion.part(270, 429))
     >>> result = go.retarget(analysis, go.human_arm("left", height=1.95), tolerance=1e-3)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.drawing.report(result, f"{folder}/report.html").name

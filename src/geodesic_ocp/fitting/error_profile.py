@@ -91,9 +91,7 @@ def error_profile(
 ) -> ErrorProfile:
     """Return least error of a fit as a function of one parameter, with all others estimated anew.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> recording = go.recordings.bundled_recording()
     >>> fit = go.fit_metric(recording)
     >>> profile = go.fitting.error_profile(fit, values=[0.001, 0.05, 1.0])
     >>> profile.errors.ravel().round(3).tolist()

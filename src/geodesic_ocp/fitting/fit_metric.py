@@ -8,7 +8,7 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
@@ -57,8 +57,6 @@ def fit_metric(
     determined by the shape of the paths and not by differentiated data. Cubics have the observed
     velocities at the cuts. The cuts between segments stay fixed.
 
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm()
     >>> metric = go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.05)
     >>> q0, q1 = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4]
@@ -97,8 +95,7 @@ def fit_metric(
     chosen, report = as_parameters(parameters), progress or no_progress
     if not callable(metric):
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
-    if curve not in get_args(Curve):
-        raise ValueError(f"curve must be one of {', '.join(get_args(Curve))}, got {curve!r}")
+    as_choice("curve", curve, get_args(Curve))
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
     theta = ca.SX.sym("theta", len(chosen))

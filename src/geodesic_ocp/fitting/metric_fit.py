@@ -168,9 +168,7 @@ def save_metric(
 
     >>> import tempfile
     >>> from pathlib import Path
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> recording = go.recordings.bundled_recording()
     >>> fit = go.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
@@ -257,9 +255,7 @@ def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEne
     """Return the metric of a model with the parameters in a JSON file (`save_metric`).
 
     >>> import tempfile
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> recording = go.recordings.bundled_recording()
     >>> fit = go.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)

@@ -52,16 +52,11 @@ class LeastErrors(ShortRepr):
 
     The least error over all predictions with these parameters, in units of the deviation; the
     parameters in units of their initial values. Of a segment, it is its share of the recording's.
-
-    Attributes:
-        values: (recordings,) or (segments,).
-        gradients: (recordings, p) or (segments, p).
-        hessians: (recordings, p, p) or (segments, p, p).
     """
 
-    values: Array
-    gradients: Array
-    hessians: Array
+    values: Array  # (recordings,) or (segments,)
+    gradients: Array  # (recordings, p) or (segments, p)
+    hessians: Array  # (recordings, p, p) or (segments, p, p)
 
     def of_parameters(self, chosen: Indices) -> LeastErrors:
         """Return the derivatives by some of the parameters, by index."""
@@ -71,22 +66,15 @@ class LeastErrors(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MetricProgram(ShortRepr):
-    """The nonlinear program of a fit, for any weights of the segments.
+    """The nonlinear program of a fit, for any weights of the segments."""
 
-    Attributes:
-        parts: the recordings.
-        start: initial values of the parameters (p,), which are their units.
-        lower, upper: their bounds (p,).
-        free_ends: whether the ends of the paths are estimated; otherwise they are as observed.
-        are_shares: whether the parameters add up to one.
-    """
-
-    parts: tuple[RecordingPart, ...]
-    start: Array
+    parts: tuple[RecordingPart, ...]  # the recordings
+    start: Array  # initial values of the parameters (p,), which are their units
+    # lower, upper: their bounds (p,)
     lower: Array
     upper: Array
-    free_ends: bool
-    are_shares: bool = False
+    free_ends: bool  # whether the ends of the paths are estimated; otherwise they are as observed
+    are_shares: bool = False  # whether the parameters add up to one
     _shown = ("size", "counts")
 
     @property

@@ -20,7 +20,6 @@ _VALUES = (int, float, np.number, tuple, list, np.ndarray)
 class Parameter:
     """A parameter to be estimated: a field of a metric, or some entries of it.
 
-    >>> import geodesic_ocp as go
     >>> go.fitting.Parameter("armature", 0.05, joints=("?S?_joint",)).name  # three joints
     'armature ?S?_joint'
 

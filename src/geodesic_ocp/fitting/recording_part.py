@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_integer
+from geodesic_ocp.arrays import Array, ShortRepr, as_choice, as_integer
 from geodesic_ocp.blocks import Block
 from geodesic_ocp.cells import Cells, Indices
 from geodesic_ocp.errors import NotConverged
@@ -20,7 +20,7 @@ from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.synergies.segment_costs import Pair
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.synergies.uncertainty import Cutting
@@ -35,33 +35,20 @@ _LEAST_DEGREE, _MOST_DEGREE = 5, 14  # beyond, powers of the time are ill-condit
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordingPart(ShortRepr):
-    """The segments of one recording that are fitted.
-
-    Attributes:
-        terms: terms of one segment.
-        recording: their motion.
-        every: (start, stop) sample indices of all segments of the recording.
-        segments: segments of those that move.
-        coefficients: (count, num_nodes, n), initial coefficients of q, w and p.
-        end_rates: (count, 2), initial rates of progress at the ends, per duration; or (count, 0).
-        samples: configurations (k, n) of all samples.
-        fractions: (k,) of the duration of its segment at which a sample was taken.
-        owners: (k,) index of its segment.
-        scales: (count, n), of the equation of motion of each joint.
-        units: (count, costs), of the costs.
-    """
+    """The segments of one recording that are fitted."""
 
     terms: SegmentTerms
-    recording: Recording
-    every: list[tuple[int, int]]
-    segments: list[tuple[int, int]]
-    coefficients: Array
+    recording: Recording  # their motion
+    every: list[tuple[int, int]]  # (start, stop) sample indices of all segments of the recording
+    segments: list[tuple[int, int]]  # segments of those that move
+    coefficients: Array  # (count, num_nodes, n), initial coefficients of q, w and p
+    # (count, 2), initial rates of progress at the ends, per duration; or (count, 0)
     end_rates: Array
-    samples: Array
-    fractions: Array
-    owners: Indices
-    scales: Array
-    units: Array
+    samples: Array  # configurations (k, n) of all samples
+    fractions: Array  # (k,) of the duration of its segment at which a sample was taken
+    owners: Indices  # (k,) index of its segment
+    scales: Array  # (count, n), of the equation of motion of each joint
+    units: Array  # (count, costs), of the costs
     _shown = ("segments", "every")
 
     @property
@@ -133,15 +120,12 @@ def observe_all(
     Raises:
         ValueError: wrong recordings, measure, degree or segments.
     """
-    listed = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    if not listed or not all(isinstance(each, Recording) for each in listed):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    listed = as_recordings(recordings)
     if len({each.model.dof for each in listed}) > 1:
         raise ValueError("the models of all recordings must have the same number of joints")
     if not callable(segments) and len(segments) != len(listed):
         raise ValueError(f"segments must be given for each of {len(listed)} recordings")
-    if measure not in get_args(Measure):
-        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    as_choice("measure", measure, get_args(Measure))
     if as_integer("degree", degree, _LEAST_DEGREE) > _MOST_DEGREE:
         raise ValueError(f"degree must be {_LEAST_DEGREE} to {_MOST_DEGREE}, got {degree}")
     terms: dict[int, SegmentTerms] = {}

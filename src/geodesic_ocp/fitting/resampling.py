@@ -41,13 +41,9 @@ def separate_fits(
 
     By the name of the recording or the subject.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
-    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
-    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> whole = go.recordings.bundled_recording()
+    >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
+    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
     >>> separate = go.fitting.separate_fits(fit)
     >>> [round(each.values["joint_inertia"], 2) for each in separate.values()]
@@ -97,17 +93,13 @@ class Heterogeneity:
 def heterogeneity(fits: Mapping[str, MetricFit]) -> tuple[Heterogeneity, ...]:
     """Return for every parameter whether separate fits (`separate_fits`) disagree.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
-    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
-    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> whole = go.recordings.bundled_recording()
+    >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
+    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
     >>> (found,) = go.fitting.heterogeneity(go.fitting.separate_fits(fit))
     >>> found.count, round(found.q, 1), round(found.p, 2)
-    (2, 1.9, 0.16)
+    (2, 2.1, 0.14)
 
     Args:
         fits: by recording or subject. Estimates at a bound and those that the data do not determine
@@ -173,7 +165,6 @@ class LeftOut:
 
     Attributes:
         name: name of the recording.
-        subject: its subject.
         values: estimates from the recordings that were not left out.
         errors: errors of the geodesics (`reconstruct`) or cubics with these parameters.
         straight_lines: errors of straight lines on the same segments; with cubics, of those of a
@@ -229,17 +220,13 @@ def leave_one_out(
     Errors are those of `evaluate` on all segments of the recording, of the predictions of the fit
     and of those in a constant metric: straight lines, or minimum acceleration.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
-    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
-    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> whole = go.recordings.bundled_recording()
+    >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
+    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
     >>> validation = go.fitting.leave_one_out(fit)
     >>> [round(each.errors.joint, 3) for each in validation.left_out]
-    [0.013, 0.046, 0.061]
+    [0.013, 0.046, 0.063]
 
     Args:
         fit: from at least two recordings.
@@ -297,13 +284,9 @@ def bootstrap_fit(
     With several, the estimate moves by one Newton step in the parameters' logarithms, from the
     exact derivatives of the recordings' least errors at the solution.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> times = [motion.time[k : k + 80] for k in (270, 350, 430)]
-    >>> parts = [go.Motion(time, motion(time), arm.joint_names).filtered() for time in times]
-    >>> recordings = [go.recordings.Recording(arm, part) for part in parts]
+    >>> whole = go.recordings.bundled_recording()
+    >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
+    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
     >>> (interval,) = go.fitting.bootstrap_fit(fit, 20)
     >>> interval.name, interval.count, round(interval.high, 3)

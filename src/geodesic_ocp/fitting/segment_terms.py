@@ -47,23 +47,14 @@ _TO_ENDS = Polynomial([0, 1, -1])  # vanishes at both ends
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SegmentTerms(ShortRepr):
-    """Squared errors of one segment, and the conditions that its prediction is stationary.
+    """Squared errors of one segment, and the conditions that its prediction is stationary."""
 
-    Attributes:
-        metric: metric with the symbols `theta` as parameters.
-        theta: (p, 1).
-        model: model whose hand is compared where the measure is "position".
-        measure: what is compared with the observation.
-        degree: degree of the polynomials.
-        weights: of the costs, numbers or expressions in theta.
-    """
-
-    metric: Metric
-    theta: ca.SX
-    model: Model
-    measure: Measure
-    degree: int
-    weights: Mapping[Cost, ca.SX | float]
+    metric: Metric  # metric with the symbols `theta` as parameters
+    theta: ca.SX  # (p, 1)
+    model: Model  # model whose hand is compared where the measure is "position"
+    measure: Measure  # what is compared with the observation
+    degree: int  # degree of the polynomials
+    weights: Mapping[Cost, ca.SX | float]  # of the costs, numbers or expressions in theta
     _shown = ("measure", "degree")
 
     @property

@@ -50,7 +50,6 @@ def cubic(
     The result was integrated from its states: positions, and velocities times the interval, meet
     to 1e-9, and the second variation of the discrete action is positive for fixed ends.
 
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm()
     >>> metric = go.KineticEnergy(arm.with_armature(go.manifold.default_joint_inertia(arm)))
     >>> q0, q1 = [0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
@@ -110,7 +109,6 @@ def spline(
     them, or a bound is active, see `MotionCertificate`. This is a local minimum near `times`, with
     no interval shorter than a tenth of the mean one, or half of the shortest in `times`.
 
-    >>> import geodesic_ocp as go
     >>> times, points = [0.0, 1.0, 2.0], [[0.0], [1.0], [0.0]]
     >>> motion = go.spline(go.Euclidean(1), times, points, v0=[0.0], v1=[0.0])
     >>> motion(0.5).round(3)

@@ -41,7 +41,6 @@ def distance(
 
     Without `q1`, the symmetric matrix (k, k) of the distances between k points `q0` (k, n).
 
-    >>> import geodesic_ocp as go
     >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
     5.0
     >>> go.distance(go.Euclidean(2), [[0.0, 0.0], [3.0, 4.0], [0.0, 1.0]]).round(2)
@@ -121,7 +120,6 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
 
     Points are taken as they are, also where coordinates are periodic (`Metric.periods`).
 
-    >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q0, q1 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
     >>> go.frechet_mean(metric, [q0, q1]).round(3)  # of two points: halfway along the geodesic

@@ -80,7 +80,6 @@ def geodesic(
     Its nodes are sampled from the integrated geodesic, on a grid fine enough that the velocity of
     the path is accurate to 1e-6.
 
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm()
     >>> q0, q1 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
     >>> path = go.geodesic(go.KineticEnergy(arm), q0, q1)
@@ -121,7 +120,6 @@ def geodesics(
     the `certificate` of each tells whether it is locally minimizing. A geodesic that bends too
     sharply for the finest grid is left out with a RuntimeWarning.
 
-    >>> import geodesic_ocp as go
     >>> class Cylinder(go.Metric):  # radius 1, in angle and height
     ...     dim, periods = 2, (6.283185307179586, float("inf"))
     ...     def matrix(self, q):
@@ -158,7 +156,6 @@ def geodesics(
 def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
     """Return the geodesic that starts at q0 (n,) with velocity v0 (n,), as a path up to Exp_q0(v0).
 
-    >>> import geodesic_ocp as go
     >>> path = go.logarithm.geodesic_from_velocity(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
     >>> path(0.5).round(3), round(path.length, 6)
     (array([1.5, 2. ]), 5.0)

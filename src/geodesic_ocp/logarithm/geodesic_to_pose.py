@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_choice, as_positive, as_rotation, as_vector
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.logarithm.geodesic import Geodesic, geodesic_from_velocity
 from geodesic_ocp.logarithm.log import log
@@ -84,7 +84,6 @@ def geodesic_to_pose(
     one of the many geodesics of a redundant arm, at the price of a pose error of about w. Nothing
     else restricts the path: for joint limits see `Reach`.
 
-    >>> import geodesic_ocp as go
     >>> arm, start = go.human_arm(), [0.4, 0.1, -0.6, 1.2, 0.2, 0.0, 0.1]
     >>> result = go.geodesic_to_pose(arm, start, position=[0.2, 0.35, -0.1])
     >>> result.success
@@ -116,8 +115,7 @@ def geodesic_to_pose(
     q0 = as_vector("start", start, as_model(model).dof)
     if position is None and rotation is None:
         raise ValueError("geodesic_to_pose needs a position, a rotation or both")
-    if method not in get_args(Method):
-        raise ValueError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
+    as_choice("method", method, get_args(Method))
     target_position = np.zeros(3) if position is None else as_vector("position", position, 3)
     target_rotation = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
     given = np.array([position is not None, rotation is not None])

@@ -21,7 +21,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_integer, real_array
+from geodesic_ocp.arrays import Array, as_choice, as_integer, real_array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
 from geodesic_ocp.logarithm.by_newton import (
@@ -121,7 +121,6 @@ def log(
     velocities (k, n), found all at once where the system's compiler is GCC, in half the time; they
     are those of single calls to 1e-10.
 
-    >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q0 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0]
     >>> q1 = [0.6, 0.2, -0.9, 1.4, 0.1, 0.2, 0.1]
@@ -308,10 +307,8 @@ def find_from_path(
 def as_solver(solver: str | None) -> str:
     """Return the argument, the environment variable, or "newton"; ValueError if it is no solver."""
     name = solver or os.environ.get(ENVIRONMENT_VARIABLE) or SOLVERS[0]
-    if name not in SOLVERS:
-        where = "solver" if solver else ENVIRONMENT_VARIABLE
-        raise ValueError(f"{where} must be one of {', '.join(SOLVERS)}, got {name!r}")
-    return name
+    chosen: str = as_choice("solver" if solver else ENVIRONMENT_VARIABLE, name, SOLVERS)
+    return chosen
 
 
 def are_nearby(q0: Array, q1: Array) -> bool:

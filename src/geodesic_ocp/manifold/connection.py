@@ -38,8 +38,6 @@ def parallel_transport(
 
     The velocity of a geodesic is parallel along it:
 
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q0, q1 = [0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.8, 0.2, -0.3, 0.5, 0.1, 0.0, 0.0]
     >>> path = go.geodesic(metric, q0, q1)
@@ -153,7 +151,6 @@ def riemann_curvature(
     the opposite sign).
 
     >>> import casadi as ca
-    >>> import geodesic_ocp as go
     >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
     ...     dim = 2
     ...     def matrix(self, q):
@@ -183,7 +180,6 @@ def sectional_curvature(metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike
     geodesics from the same point diverge.
 
     >>> import casadi as ca
-    >>> import geodesic_ocp as go
     >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
     ...     dim = 2
     ...     def matrix(self, q):
@@ -217,7 +213,6 @@ def scalar_curvature(metric: Metric, q: ArrayLike) -> float:
     `sectional_curvature`, in one 0.
 
     >>> import casadi as ca
-    >>> import geodesic_ocp as go
     >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
     ...     dim = 2
     ...     def matrix(self, q):

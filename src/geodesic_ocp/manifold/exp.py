@@ -39,7 +39,6 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     sum_j g_ij q''_j + sum_jk Gamma_ijk q'_j q'_k = 0, q(0) = q, q'(0) = v, integrated with a method
     of order 8 and adaptive steps. For k points or velocities the result is (k, n).
 
-    >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q, v = [0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.5, 0.2, 0.0, -0.3, 0.1, 0.0, 0.0]
     >>> go.exp(metric, q, v).round(3)

@@ -92,7 +92,6 @@ class Metric(MetricFunctions):
     `matrix` then also takes and returns NumPy arrays. Metrics are immutable values.
 
     >>> import casadi as ca
-    >>> import geodesic_ocp as go
     >>> class HalfPlane(go.Metric):  # hyperbolic: ds^2 = (dx^2 + dy^2) / y^2, y > 0
     ...     dim = 2
     ...     def matrix(self, q):

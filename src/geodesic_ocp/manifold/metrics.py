@@ -95,7 +95,6 @@ class ModelMetric(Metric):
 class KineticEnergy(ModelMetric):
     """The mass-inertia matrix of a model as metric: |v|^2 / 2 is its kinetic energy [J].
 
-    >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q = [0.3, 0.1, -0.2, 0.8, 0.0, 0.0, 0.0]
     >>> metric.matrix(q).shape
@@ -187,7 +186,6 @@ class AdjustableKineticEnergy(ModelMetric):
 
     The parameters are numbers or CasADi expressions, so that `fit_metric` can estimate them.
 
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm()
     >>> metric = go.manifold.AdjustableKineticEnergy(arm, armature=0.05)
     >>> q = [0.3, 0.1, -0.2, 0.8, 0.0, 0.0, 0.0]
@@ -249,7 +247,6 @@ class AdjustableKineticEnergy(ModelMetric):
     def description(self) -> str:
         """The metric and its parameters in words.
 
-        >>> import geodesic_ocp as go
         >>> arm = go.human_arm()
         >>> go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.02, payload=1.0).description
         'fitted kinetic energy with joint inertia 0.02 m r^2, payload 1 kg'
@@ -343,7 +340,6 @@ def default_joint_inertia(model: Model) -> Array:
     that a constant in kg m^2 would make them depend on the body mass that a recording states, which
     is often a placeholder.
 
-    >>> import geodesic_ocp as go
     >>> go.manifold.default_joint_inertia(go.human_arm(height=1.75, mass=70.0)).round(3)
     array([0.044, 0.044, 0.044, 0.044, 0.044, 0.044, 0.044])
 

@@ -97,15 +97,10 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
 
 @dataclass(frozen=True, eq=False)
 class SegmentBasis:
-    """Polynomials of a segment: cubic Hermite functions of its ends, and `bubbles` others.
+    """Polynomials of a segment: cubic Hermite functions of its ends, and `bubbles` others."""
 
-    Attributes:
-        bubbles: number of polynomials that vanish with their slopes at both ends.
-        points: number of Gauss points.
-    """
-
-    bubbles: int
-    points: int
+    bubbles: int  # number of polynomials that vanish with their slopes at both ends
+    points: int  # number of Gauss points
 
     @cached_property
     def polynomials(self) -> list[Polynomial]:
@@ -169,21 +164,13 @@ def motion_levels(*levels: tuple[SegmentBasis, float]) -> ctypes.Array[MotionLev
 
 @dataclass(frozen=True, eq=False)
 class DiscreteMotion:
-    """A motion of least discrete action.
+    """A motion of least discrete action."""
 
-    Attributes:
-        knots: positions and velocities (k + 1, 2 n).
-        coefficients: of the segments' other functions (k, bubbles, n).
-        action: int (|D_t q'|^2 + s |q'|^2) / 2 dt.
-        gradients: of the action of each segment by its knots (k, 4 n).
-        hessians: the second derivatives (k, 4 n, 4 n), the coefficients eliminated.
-    """
-
-    knots: Array
-    coefficients: Array
-    action: float
-    gradients: Array
-    hessians: Array
+    knots: Array  # positions and velocities (k + 1, 2 n)
+    coefficients: Array  # of the segments' other functions (k, bubbles, n)
+    action: float  # int (|D_t q'|^2 + s |q'|^2) / 2 dt
+    gradients: Array  # of the action of each segment by its knots (k, 4 n)
+    hessians: Array  # the second derivatives (k, 4 n, 4 n), the coefficients eliminated
 
 
 class MotionKernels(Kernels):

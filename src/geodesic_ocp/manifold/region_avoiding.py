@@ -22,18 +22,12 @@ _NUM_SAMPLES, _EQUAL = 5, 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The set of q (n,) with all h_i(q) > 0.
+    """The set of q (n,) with all h_i(q) > 0."""
 
-    Attributes:
-        values: q -> h (m, 1).
-        gradients: q -> dh / dq (m, n).
-        labels: description of each h_i, for messages.
-        joints: index of the joint that h_i limits; empty for functions of a user.
-    """
-
-    values: ca.Function
-    gradients: ca.Function
-    labels: tuple[str, ...]
+    values: ca.Function  # q -> h (m, 1)
+    gradients: ca.Function  # q -> dh / dq (m, n)
+    labels: tuple[str, ...]  # description of each h_i, for messages
+    # index of the joint that h_i limits; empty for functions of a user
     joints: tuple[int, ...] = ()
 
 
@@ -110,7 +104,6 @@ class RegionAvoiding(Metric):
     curvature of -1 / (w_i margin_i^2) near the boundary. Geodesics that diverge like
     exp(length / (margin_i sqrt(w_i))) cannot be computed, for example for a light wrist.
 
-    >>> import geodesic_ocp as go
     >>> plain = go.KineticEnergy(go.human_arm())
     >>> metric = go.RegionAvoiding(plain, margin=0.1)  # within the joint limits
     >>> q, v = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0]

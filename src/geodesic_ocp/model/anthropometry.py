@@ -14,7 +14,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
@@ -60,8 +60,7 @@ def anthropometry(side: Side, table: TableName, sex: Sex | None) -> tuple[Segmen
         ValueError: an unknown table or sex, a missing sex for the table of de Leva, or a sex for
             the table of Winter, which does not differ by sex.
     """
-    if table not in get_args(TableName):
-        raise ValueError(f"table must be one of {', '.join(get_args(TableName))}, got {table!r}")
+    as_choice("table", table, get_args(TableName))
     if table == "winter":
         if sex is not None:
             raise ValueError("the table 'winter' does not differ by sex; omit sex")

@@ -27,7 +27,6 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     numbered. The model has the hands of all (`Model.hands`); `Model.hand` is that of the first, and
     `Model.with_hand` selects another.
 
-    >>> import geodesic_ocp as go
     >>> arms = go.human_arm("left"), go.human_arm("right")
     >>> both = go.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
     >>> both.dof, both.hands

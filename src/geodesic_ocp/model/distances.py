@@ -142,7 +142,6 @@ def signed_distances(
     """Return distances [m] of collision bodies from obstacles and each other; negative if they
     overlap.
 
-    >>> import geodesic_ocp as go
     >>> table = go.HalfSpace(point=(0.0, 0.0, -0.7), normal=(0.0, 0.0, 1.0), name="table")
     >>> distances = go.distances.signed_distances(
     ...     go.human_arm(), [0.5, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0], [table], links=["right hand"]
@@ -194,7 +193,6 @@ def clearance_constraints(
     other.
 
     >>> import casadi as ca
-    >>> import geodesic_ocp as go
     >>> arm, ball = go.human_arm(), go.Ball(centre=(0.3, 0.4, -0.1), radius=0.1)
     >>> rows = go.distances.clearance_constraints(arm, ca.SX.sym("q", arm.dof), [ball], margin=0.02)
     >>> [name for *_, name in rows][0]

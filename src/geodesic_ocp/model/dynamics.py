@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, as_choice, as_vector, evaluate, is_symbolic
 from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.model import rigid_body
 from geodesic_ocp.model.joints import without_noise
@@ -151,8 +151,7 @@ def choose_backend(name: str | None = None) -> str:
         if missing not in ("", NOT_INSTALLED):
             # stacklevel: the caller of Model
             warnings.warn(f"{BACKENDS[0]} is skipped: {missing}", RuntimeWarning, stacklevel=4)
-    if name not in BACKENDS:
-        raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {name!r}")
+    as_choice("backend", name, BACKENDS)
     if why_unavailable(name):
         raise ValueError(f"backend {name!r} cannot be imported: {why_unavailable(name)}")
     return name

@@ -91,7 +91,6 @@ def human_arm(
     centre point. Collision bodies are capsules along the links "right upper arm", "right forearm"
     and "right hand" (or left), with the radius of a cylinder of the segment's mass and density.
 
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm("right", height=1.8, mass=80.0)
     >>> arm.dof, round(arm.mass, 2)
     (7, 3.92)
@@ -206,7 +205,6 @@ def human_upper_body(
     points; `Model.hand` is the right one. "thorax" is the frame midway between the shoulders.
     The pelvis is at rest: kinetic energy and poses are those relative to it.
 
-    >>> import geodesic_ocp as go
     >>> person = go.human_upper_body(height=1.8, mass=80.0)
     >>> person.dof, person.hands, round(person.mass, 2)
     (20, ('right hand', 'left hand'), 40.32)

@@ -120,7 +120,6 @@ def robot_armature(model: Model) -> RobotArmature:
     values whose source is named, and all other joints 0.05 kg m^2; prismatic ones the mass that has
     this inertia at the distance of the arm's reach, 0.05 kg m^2 / reach^2.
 
-    >>> import geodesic_ocp as go
     >>> robot_armature(go.human_arm("right", armature=0.2)).source
     'the model'
 
@@ -146,7 +145,6 @@ def robot_armature(model: Model) -> RobotArmature:
 def with_rotor_inertia(model: Model) -> Model:
     """Get the model with the joint inertia of `robot_armature`; the same one if it has its own.
 
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm(armature=0.2)
     >>> go.model.with_rotor_inertia(arm) is arm
     True

@@ -34,7 +34,6 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     The volume is reduced by the Nelder-Mead simplex method from the best of six initial axes: the
     coordinate axes and the principal axes of the points.
 
-    >>> import geodesic_ocp as go
     >>> rod = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.3], [0.01, 0.0, 0.15], [-0.01, 0.0, 0.15]]
     >>> go.model.enclosing_capsule(rod).radius < 0.011
     True

@@ -41,7 +41,6 @@ def meshes(model: Model) -> tuple[Mesh, ...]:
     the model. Moving links without either are drawn from the kinematic chain: joints along their
     axes, and struts between them. The result is deterministic, and kept as long as the model is.
 
-    >>> import geodesic_ocp as go
     >>> from geodesic_ocp.model.meshes import meshes
     >>> sorted({mesh.link for mesh in meshes(go.human_arm("right"))})
     ['right forearm', 'right hand', 'right upper arm']

@@ -303,7 +303,6 @@ class Model:
 
         It replaces the joint inertia that the model has; G(q) is that of the bodies alone.
 
-        >>> import geodesic_ocp as go
         >>> go.human_arm("right").with_armature({"RWx_joint": 0.05, "RWy_joint": 0.05}).armature
         array([0.  , 0.  , 0.  , 0.  , 0.  , 0.05, 0.05])
 

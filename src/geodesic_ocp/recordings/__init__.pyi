@@ -13,6 +13,7 @@ from .markers.marker_fit import LostMarker as LostMarker
 from .markers.marker_fit import MarkerFit as MarkerFit
 from .markers.marker_set import MarkerSet as MarkerSet
 from .markers.markers import Markers as Markers
+from .read_recording import bundled_recording as bundled_recording
 from .read_recording import read_markers as read_markers
 from .read_recordings import read_recordings as read_recordings
 from .recording import Recording as Recording

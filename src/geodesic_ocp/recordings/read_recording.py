@@ -55,7 +55,6 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
 
     >>> import tempfile
     >>> from pathlib import Path
-    >>> import geodesic_ocp as go
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "markers.csv"
     ...     _ = file.write_text('''# unit: m
@@ -113,7 +112,6 @@ def read_motion(
     convention; others are converted through the orientations of the segments to the joints of
     `human_arm` and of the trunk.
 
-    >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv")
     >>> len(motion), motion.joint_names[:3]
@@ -206,7 +204,6 @@ def read_recording(
 ) -> Recording:
     """Read a recording of one or both human arms, filter it, and scale a model to the person.
 
-    >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left").name
     'climb, left'
@@ -276,6 +273,19 @@ def read_recording(
             motion = motion.filtered(cutoff=cutoff, duration=duration)
     name = file.stem if part is None else f"{file.stem}, part {part}"
     return Recording(arm, motion, f"{name}, {side}", motion.subject.name, fit)
+
+
+BUNDLED = Path(__file__).resolve().parents[1] / "data" / "climb.csv"
+
+
+def bundled_recording() -> Recording:
+    """Return the recording that comes with the package: the left arm of a person who climbs onto a
+    box (motion capture, 7 s).
+
+    >>> go.recordings.bundled_recording().name
+    'climb, left'
+    """
+    return read_recording(BUNDLED, "left")
 
 
 def _motion_of(file: Path, side: Sides, stated: dict[str, Any]) -> Motion:

@@ -138,7 +138,6 @@ def read_recordings(
     proportional to it; but it does with a joint inertia in kg m^2. Give `mass` where files contain
     a placeholder.
 
-    >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> folder = files("geodesic_ocp") / "data"
     >>> [(each.name, each.model.name) for each in go.recordings.read_recordings(folder, "left")]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,15 @@ class Recording:
 
     def __repr__(self) -> str:
         return f"Recording({self.name!r} of {self.subject!r}, {self.model.name}, {self.motion!r})"
+
+
+def as_recordings(given: Any) -> tuple[Recording, ...]:
+    """Return one recording, or several, as a tuple; ValueError for anything else and for none."""
+    listed = (given,) if isinstance(given, Recording) else given
+    found = tuple(listed) if isinstance(listed, Iterable) else ()
+    if not found or not all(isinstance(each, Recording) for each in found):
+        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    return found
 
 
 # Recordings exceed the joint limits by tenths; more than this means wrong units [rad or m].

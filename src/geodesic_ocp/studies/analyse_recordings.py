@@ -126,7 +126,6 @@ def analyse_recordings(
 
     >>> import tempfile
     >>> from importlib.resources import files
-    >>> import geodesic_ocp as go
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     result = go.studies.analyse_recordings(
     ...         files("geodesic_ocp") / "data", folder, "left", jobs=1

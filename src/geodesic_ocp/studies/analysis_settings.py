@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from geodesic_ocp.arrays import ShortRepr
+from geodesic_ocp.arrays import ShortRepr, as_choice
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import METRIC_NAMES, KineticEnergy, as_analysis_metric
 from geodesic_ocp.model.model import Model
@@ -105,9 +105,7 @@ class AnalysisSettings(ShortRepr, RecordingSettings):
         if sum((self.cutoff is not None, self.savitzky_golay is not None, not self.filter)) > 1:
             raise ValueError("give only one of cutoff, savitzky-golay and no-filter")
         as_threshold(self.threshold)
-        if self.segments not in get_args(Segments):
-            known = ", ".join(map(repr, get_args(Segments)))
-            raise ValueError(f"segments must be one of {known}, got {self.segments!r}")
+        as_choice("segments", self.segments, get_args(Segments))
         self._check_segments()
         if self.metric not in METRIC_NAMES and not Path(self.metric).is_file():
             raise ValueError(

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.studies.paired_test import PairedTest, paired_test
 from geodesic_ocp.synergies.baselines import distal_inertia, distal_joints
@@ -71,8 +71,7 @@ class MethodComparison:
         Raises:
             ValueError: there is no such score.
         """
-        if score not in SCORES:
-            raise ValueError(f"score must be one of {', '.join(SCORES)}, got {score!r}")
+        as_choice("score", score, SCORES)
         columns = [[getattr(each, score) for each in self.scores[name]] for name in self.methods]
         return np.array(columns, dtype=float).T
 
@@ -138,8 +137,7 @@ class MethodComparison:
             ValueError: there is no such score or method, or by is neither of the two.
         """
         values = self.values(score)
-        if against not in self.methods:
-            raise ValueError(f"against must be one of {', '.join(self.methods)}, got {against!r}")
+        as_choice("against", against, self.methods)
         if by not in ("subject", "recording"):
             raise ValueError(f"by must be 'subject' or 'recording', got {by!r}")
         reference = values[:, self.methods.index(against)]
@@ -212,7 +210,6 @@ def compare_methods(
     torque", "least torque change", "least work" and "least work and acceleration". The methods do
     not receive the same data; the table has a column that says what each receives for a segment.
 
-    >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> recordings = go.recordings.read_recordings(files("geodesic_ocp") / "data", "left")
     >>> comparison = go.studies.compare_methods(
@@ -242,10 +239,7 @@ def compare_methods(
             recording, a metric of another dimension, or a recording that never moves.
         IntegrationFailed: the first metric is singular along a recording, see `segment`.
     """
-    given = [recordings] if isinstance(recordings, Recording) else recordings
-    recordings = list(given) if isinstance(given, Iterable) else []
-    if not recordings or not all(isinstance(each, Recording) for each in recordings):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    recordings = as_recordings(recordings)
     metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
     if same := metrics.keys() & SECOND_ORDER.keys():
         raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")

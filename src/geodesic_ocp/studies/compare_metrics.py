@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.drawing.styles import COMPARED, line_styles, new_figure, save_figure
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric, as_metric
@@ -150,9 +150,7 @@ class MetricComparison:
         Raises:
             ValueError: there is no such metric.
         """
-        if name not in self.curves:
-            raise ValueError(f"name must be one of {', '.join(self.curves)}, got {name!r}")
-        return int(self.curves[name]["criterion"].idxmin())
+        return int(self.curves[as_choice("name", name, self.curves)]["criterion"].idxmin())
 
     def table(self, counts: Sequence[int] | None = None) -> DataFrame:
         """Return mean errors of every metric: optimal cuts, then those of the rules.
@@ -190,9 +188,7 @@ class MetricComparison:
         Raises:
             ValueError: an unknown measure.
         """
-        measure = self.measure if measure is None else measure
-        if measure not in _MEASURES:
-            raise ValueError(f"measure must be one of {', '.join(_MEASURES)}, got {measure!r}")
+        measure = as_choice("measure", self.measure if measure is None else measure, _MEASURES)
         from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
         best = {name: self.best_count(name) for name in self.curves}
@@ -344,13 +340,12 @@ def compare_metrics(
     (`optimal_segmentations`). The errors in the other two measures are those of the same cuts.
     Rules that find a number of segments by themselves add one point for each metric.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
-    >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
+    >>> recording = go.recordings.bundled_recording()
+    >>> part = recording.motion.part(0, 89)
     >>> metrics = {"straight lines": go.Euclidean(7)}
-    >>> comparison = go.studies.compare_metrics(arm, part, metrics, rules={}, spacing=0.1)
+    >>> comparison = go.studies.compare_metrics(
+    ...     recording.model, part, metrics, rules={}, spacing=0.1
+    ... )
     >>> comparison.curves["straight lines"].index.tolist()
     [1, 2, 3, 4, 5, 6, 7]
 

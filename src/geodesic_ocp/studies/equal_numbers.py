@@ -12,7 +12,7 @@ from geodesic_ocp.arrays import Array, ShortRepr, real_array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy, with_joint_inertia
 from geodesic_ocp.progress import Progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, metric_of
 from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
@@ -96,12 +96,8 @@ def compare_at_equal_numbers(
     and 2 n more for both end velocities; their knots are good, not the best (`spline_knots`),
     and known for the joints alone. The times of cuts and knots are not counted.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:350], motion.q[270:350], motion.joint_names)
-    >>> recording = go.recordings.Recording(arm, reach.filtered())
+    >>> whole = go.recordings.bundled_recording()
+    >>> recording = go.recordings.Recording(whole.model, whole.motion.part(270, 349))
     >>> equal = go.studies.compare_at_equal_numbers(recording, go.Euclidean(7), numbers=[10])
     >>> equal.methods[:2]
     ('geodesics', 'straight lines')
@@ -119,9 +115,7 @@ def compare_at_equal_numbers(
         ValueError: no recordings, numbers that are not positive, or see `optimal_segmentations`.
         NotConverged: see `optimal_segmentations`.
     """
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    if not given or not all(isinstance(each, Recording) for each in given):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
+    given = as_recordings(recordings)
     wanted = real_array(numbers, "numbers").ravel()
     if not wanted.size or not np.all((wanted > 0.0) & np.isfinite(wanted)):
         raise ValueError(f"numbers must be positive numbers per second, got {numbers!r}")

@@ -21,7 +21,7 @@ from geodesic_ocp.fitting.resampling import FEWEST, minimizers, resampled
 from geodesic_ocp.manifold.metrics import FRACTION
 from geodesic_ocp.model.inertias import inertia_scale
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.studies.paired_test import holm
+from geodesic_ocp.studies.paired_test import holm, student_half
 from geodesic_ocp.studies.study_tables import Row
 from geodesic_ocp.synergies.analyse import Analysis
 
@@ -160,10 +160,8 @@ def _geometric_mean(values: Array, confidence: float) -> tuple[float, float, flo
     logs = np.log(values[np.isfinite(values)])
     if logs.size == 0:
         return np.nan, np.nan, np.nan
-    half = np.nan
-    if logs.size >= FEWEST:
-        quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, logs.size - 1)
-        half = quantile * logs.std(ddof=1) / np.sqrt(logs.size)
+    spread = logs.std(ddof=1) if logs.size > 1 else np.nan
+    half = student_half(spread, logs.size, confidence)
     low, middle, high = np.exp(logs.mean() + np.array([-half, 0.0, half])).tolist()
     return middle, low, high
 

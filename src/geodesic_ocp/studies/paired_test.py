@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -90,7 +91,6 @@ def paired_test(
     the bias-corrected and accelerated bootstrap interval (Efron, J. Am. Stat. Assoc. 82, 1987), or
     the percentile interval where that does not exist, as when all differences are equal.
 
-    >>> import geodesic_ocp as go
     >>> test = go.studies.paired_test([1.0, 2.1, 3.0, 4.2, 5.0], [1.5, 2.4, 3.7, 4.6, 5.6])
     >>> test.wins, test.sign_p
     (5, 0.0625)
@@ -158,6 +158,13 @@ def as_confidence(value: float) -> float:
     if not 0.0 < number < 1.0:
         raise ValueError(f"confidence must be in (0, 1), got {number:g}")
     return number
+
+
+def student_half(deviation: Any, count: Any, confidence: float) -> Any:
+    """Return half of the interval of a mean by Student's t: t SD / sqrt(k); NaN below three."""
+    known = np.where(np.asarray(count) >= FEWEST, count, np.nan)
+    quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, known - 1)
+    return quantile * deviation / np.sqrt(known)
 
 
 def _pairs(count: int) -> str:

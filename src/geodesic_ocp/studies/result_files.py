@@ -42,25 +42,15 @@ OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", 
 
 @dataclass(frozen=True, repr=False)
 class RecordingTask:
-    """A recording that is to be analysed.
-
-    Attributes:
-        source: source of the recording.
-        settings: settings of the analysis.
-        folder: folder of the output, absolute.
-        key: key of the result, see `result_key`.
-        time_limit: time limit of the process that analyses it [s], or None.
-        fit: whether the result has the profile of the joint inertia.
-        figure: whether it has a figure.
-    """
+    """A recording that is to be analysed."""
 
     source: RecordingSource
     settings: AnalysisSettings
-    folder: Path
-    key: str
-    time_limit: float | None = None
-    fit: bool = False
-    figure: bool = False
+    folder: Path  # folder of the output, absolute
+    key: str  # key of the result, see `result_key`
+    time_limit: float | None = None  # time limit of the process that analyses it [s], or None
+    fit: bool = False  # whether the result has the profile of the joint inertia
+    figure: bool = False  # whether it has a figure
 
     def __repr__(self) -> str:
         return f"RecordingTask({self.source.name!r}, {self.key[:8]})"
@@ -398,13 +388,5 @@ def mean_errors(rows: DataFrame) -> DataFrame:
 
 def _failure_row(outcome: RecordingOutcome) -> Row:
     source = outcome.source
-    return {
-        "recording": source.name,
-        "file": source.file,
-        "subject": source.subject,
-        "subject_from": source.subject_from if source.subject else "",
-        "trial": source.trial,
-        "side": source.side,
-        "kind": outcome.kind,
-        "reason": outcome.text,
-    }
+    known = {"subject": source.subject, "subject_from": source.subject_from * bool(source.subject)}
+    return {**identity(source, ""), **known, "kind": outcome.kind, "reason": outcome.text}

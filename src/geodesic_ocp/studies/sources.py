@@ -128,34 +128,23 @@ SubjectFrom = Literal["table", "path", "file", "folder name", "file name"]
 
 @dataclass(frozen=True, repr=False)
 class RecordingSource:
-    """One side of a file that is to be analysed.
+    """One side of a file that is to be analysed."""
 
-    Attributes:
-        path: path of the file, absolute.
-        file: relative to the deepest folder that holds all files that were given.
-        side: "right" or "left".
-        part: number of a part of the file between gaps, from 1; None: the whole file.
-        subject: subject of the person; empty if the file is to tell.
-        subject_from: where the subject is from, see `SubjectFrom`; empty if the file is to tell.
-        fallback: the subject if the file does not tell.
-        fallback_from: where the fallback is from.
-        trial: the repetition.
-        height, mass: height and mass of the person [m], [kg]; None if the file is to tell.
-        problem: why the recording cannot be analysed; empty if nothing is known against it.
-    """
-
-    path: Path
-    file: str
-    side: Side
+    path: Path  # path of the file, absolute
+    file: str  # relative to the deepest folder that holds all files that were given
+    side: Side  # "right" or "left"
+    # number of a part of the file between gaps, from 1; None: the whole file
     part: int | None = None
-    subject: str = ""
+    subject: str = ""  # subject of the person; empty if the file is to tell
+    # where the subject is from, see `SubjectFrom`; empty if the file is to tell
     subject_from: SubjectFrom | Literal[""] = ""
-    fallback: str = ""
-    fallback_from: SubjectFrom = "file name"
-    trial: str = ""
+    fallback: str = ""  # the subject if the file does not tell
+    fallback_from: SubjectFrom = "file name"  # where the fallback is from
+    trial: str = ""  # the repetition
+    # height, mass: height and mass of the person [m], [kg]; None if the file is to tell
     height: float | None = None
     mass: float | None = None
-    problem: str = ""
+    problem: str = ""  # why the recording cannot be analysed; empty if nothing is known against it
 
     @property
     def name(self) -> str:

@@ -56,9 +56,7 @@ def study(
     Recordings of a passive arm, in which no joint moves by more than 20 degrees, are left out and
     counted among the failures, unless all are passive.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> recording = go.recordings.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> go.study([analysis, analysis], subjects=["A", "B"])
     StudyResult(2 recordings of 2 subjects, 11 methods, 44 synergies)

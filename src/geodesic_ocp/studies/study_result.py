@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.drawing.study_figures import (
     Means,
     differences_figure,
@@ -24,11 +23,16 @@ from geodesic_ocp.drawing.study_figures import (
     synergies_figure,
 )
 from geodesic_ocp.drawing.styles import save_figure
-from geodesic_ocp.fitting.resampling import FEWEST
 from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.joint_inertias import inertia_table, scaling_table
-from geodesic_ocp.studies.paired_test import as_confidence, holm, paired_test, rank_biserial
+from geodesic_ocp.studies.paired_test import (
+    as_confidence,
+    holm,
+    paired_test,
+    rank_biserial,
+    student_half,
+)
 from geodesic_ocp.studies.sources import alike, may_be_one
 from geodesic_ocp.studies.study_tables import key_of, new_rows
 from geodesic_ocp.synergies.second_order import SECOND_ORDER
@@ -53,27 +57,24 @@ class StudyMeasure(NamedTuple):
         return "".join(re.findall(r" \[.*\]$", self.header))
 
 
-_ERRORS = {
-    "joint": ("joint_error{}_rad", "joints{} [rad]", "joint error{} [rad]", 1.0),
-    "position": ("position_error{}_m", "hand{} [m]", "hand position error{} [mm]", 1000.0),
-    "orientation": (
-        "orientation_error{}_rad",
-        "hand{} [rad]",
-        "hand orientation error{} [rad]",
-        1.0,
-    ),
+_ERRORS = {  # what has them, their unit, and name and unit of their axis
+    "joint": ("joints", "rad", "joint error", "rad"),
+    "position": ("hand", "m", "hand position error", "mm"),
+    "orientation": ("hand", "rad", "hand orientation error", "rad"),
 }
+_PER_SECOND = "segments per second [1/s]"
 MEASURES = {
     f"{name}{suffix}": StudyMeasure(
-        column.format(suffix), header.format(remark), axis.format(remark), scale
+        f"{name}_error{suffix}_{unit}",
+        f"{what}{remark} [{unit}]",
+        f"{axis}{remark} [{shown}]",
+        1.0 if shown == unit else 1000.0,
     )
     for suffix, remark in (("", ""), ("_unfiltered", ", unfiltered"))
-    for name, (column, header, axis, scale) in _ERRORS.items()
+    for name, (what, unit, axis, shown) in _ERRORS.items()
 } | {
     "segments": StudyMeasure("segments", "segments", "number of segments"),
-    "segments_per_second": StudyMeasure(
-        "segments", "segments per second [1/s]", "segments per second [1/s]"
-    ),
+    "segments_per_second": StudyMeasure("segments", _PER_SECOND, _PER_SECOND),
 }
 _SHOWN = ("joint", "position", "orientation")
 _OWN = "riemannian"
@@ -116,9 +117,7 @@ def as_measure(name: str) -> StudyMeasure:
     Raises:
         ValueError: there is none.
     """
-    if not isinstance(name, str) or name not in MEASURES:
-        raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {name!r}")
-    return MEASURES[name]
+    return MEASURES[as_choice("measure", name, MEASURES)]
 
 
 def in_natural_order(names: Iterable[str]) -> list[str]:
@@ -287,9 +286,7 @@ class StudyResult:
         found.insert(1, "recordings", recordings)
         total = found.index.get_level_values("condition").map(total).astype(int)
         found.insert(2, "missing", total - recordings)
-        count = found["subjects"]
-        quantile = scipy.stats.t.ppf((1.0 + confidence) / 2.0, count.where(count >= FEWEST) - 1)
-        half = quantile * found["SD"] / np.sqrt(count)
+        half = student_half(found["SD"], found["subjects"], confidence)
         ends = {"low": (found["mean"] - half).clip(lower=0.0), "high": found["mean"] + half}
         found = found.assign(**{f"{confidence:.0%} {end}": own for end, own in ends.items()})
         return self._by_condition(_plain(found).rename(index=self.methods, level="method"))

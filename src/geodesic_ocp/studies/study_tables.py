@@ -25,7 +25,6 @@ from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.uncertainty import Uncertainty
-from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -171,7 +170,8 @@ def synergy_rows(analysis: Analysis, spread: Uncertainty | None = None) -> list[
     """Return one row for each synergy, with the mean errors over its samples."""
     rows: list[Row] = []
     for number, synergy in enumerate(analysis.synergies, 1):
-        parts = (_part(motion, synergy) for motion in (analysis.motion, analysis.predicted))
+        ends = synergy.start, synergy.stop
+        parts = (motion.part(*ends) for motion in (analysis.motion, analysis.predicted))
         own: Row = {
             "metric": analysis.metric_name,
             "synergy": number,
@@ -199,11 +199,6 @@ def peak_speed(synergy: Synergy) -> float:
     inside = (share > 0.0) & (share < 1.0)
     extrema = (law.knots[:-1] + share * np.diff(law.knots))[inside]
     return float(np.max(law(np.concatenate([law.knots, extrema]), 1)))
-
-
-def _part(motion: Motion, synergy: Synergy) -> Motion:
-    rows = slice(synergy.start, synergy.stop + 1)
-    return Motion(motion.time[rows], motion.q[rows], motion.joint_names)
 
 
 def _errors(errors: MotionErrors | None, suffix: str = "") -> Row:
@@ -285,7 +280,6 @@ def read_file_table(
     """Return what a CSV table says about files, by the path in its column file.
 
     Args:
-        table: path of the table.
         new_entry: makes the entry of a file from its row.
         needed: columns that must be there.
 
@@ -442,7 +436,6 @@ def write_table(folder: str | PathLike[str], name: str, rows: Iterable[Row]) -> 
 
     Args:
         folder: folder of the files, which exists.
-        name: name of the table.
         rows: values by column; those that are left out are missing.
 
     Returns:

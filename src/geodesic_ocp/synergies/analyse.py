@@ -416,16 +416,12 @@ def analyse(
     A geodesic synergy is a segment of a recorded motion that follows a geodesic (Klein, Jaquier,
     Meixner, Asfour 2022), not a muscle synergy of motor control.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> short = go.Motion(motion.time[300:450], motion.q[300:450], motion.joint_names)
-    >>> analysis = go.analyse(arm, short)
+    >>> recording = go.recordings.bundled_recording()
+    >>> analysis = go.analyse(recording.model, recording.motion.part(300, 449))
     >>> analysis.segments
-    ((0, 73), (73, 131), (131, 149))
+    ((0, 72), (72, 131), (131, 149))
     >>> round(analysis.errors["riemannian"].position, 3)  # mean error of the hand [m]
-    0.009
+    0.008
 
     Args:
         model: the arm, or arms and trunk (`human_upper_body`, `combine`); its joints are selected

@@ -43,8 +43,6 @@ def track_hand(
     samples, see `_track_poses`. The observed configuration of the redundant arm plays no further
     role. All hands of the model are tracked at once.
 
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
     >>> motion = go.Motion(time, np.outer(time**2, np.full(7, 0.5)), arm.joint_names).filtered()
     >>> tracked = go.baselines.track_hand(arm, motion)
@@ -147,8 +145,6 @@ def minimum_acceleration(motion: Motion, segments: Sequence[tuple[int, int]]) ->
     With configurations and velocities given at both ends it is a cubic in every joint. A geodesic
     receives less: two configurations and two speeds, but not the directions of the velocities.
 
-    >>> import geodesic_ocp as go
-    >>> import numpy as np
     >>> time = np.linspace(0.0, 1.0, 11)
     >>> cubic = go.Motion(time, time[:, None] ** 3, ("joint",), 3.0 * time[:, None] ** 2)
     >>> predicted = go.baselines.minimum_acceleration(cubic, [(0, 10)])
@@ -177,8 +173,6 @@ def minimum_jerk(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
     Accelerations are central differences of the motion's velocities. A geodesic receives less: two
     configurations and two speeds.
 
-    >>> import geodesic_ocp as go
-    >>> import numpy as np
     >>> time = np.linspace(0.0, 1.0, 101)
     >>> q = 10.0 * time**3 - 15.0 * time**4 + 6.0 * time**5  # from rest to rest
     >>> reach = go.Motion(time, q[:, None], ("joint",), 30.0 * (time * (1.0 - time))[:, None] ** 2)
@@ -238,8 +232,6 @@ def minimum_jerk_hand(
     observed angular velocities and accelerations along the axis. Joints follow by the damped
     velocity controller of `track_hand`, from the observed configuration at the segment's start.
 
-    >>> import geodesic_ocp as go
-    >>> import numpy as np
     >>> arm, time = go.human_arm(), np.linspace(0.0, 0.5, 51)
     >>> q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]) + 0.2 * np.sin(2.0 * time)[:, None]
     >>> motion = go.Motion(time, q, arm.joint_names, 0.4 * np.cos(2.0 * time)[:, None] + 0.0 * q)
@@ -268,8 +260,7 @@ def minimum_jerk_hand(
         ends, samples = [start, stop], slice(start, stop + 1)
         times = observed.time[ends]
         poses = [_hand_motion(times, *(values[ends] for values in each)) for each in hands]
-        part = Motion(observed.time[samples], observed.q[samples], observed.joint_names)
-        tracked = _track_poses(model, part, poses)
+        tracked = _track_poses(model, observed.part(start, stop), poses)
         q[samples], velocity[samples] = tracked.q, tracked.velocity
     return Motion(observed.time, q, observed.joint_names, velocity, observed.subject)
 
@@ -315,7 +306,6 @@ def distal_inertia(model: Model) -> KineticEnergy:
     explain recordings as well as G + a I. The joint inertia is that of the model, if it has any, or
     else `default_joint_inertia`.
 
-    >>> import geodesic_ocp as go
     >>> arm = go.human_arm().with_armature(0.1)
     >>> go.baselines.distal_inertia(arm).model.armature.tolist()
     [0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1]

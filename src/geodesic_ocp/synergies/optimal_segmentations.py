@@ -58,10 +58,7 @@ def segment_optimal(
     error. Where `segment` cuts as the motion unfolds, from its past alone, this function sees all
     of it.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
-    >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
+    >>> part = go.recordings.bundled_recording().motion.part(0, 89)
     >>> segments = go.synergies.segment_optimal(go.Euclidean(7), part, count=3)
     >>> len(segments), segments[0][0], segments[-1][1]
     (3, 0, 89)
@@ -125,8 +122,6 @@ def optimal_segmentations(
     (Bellman, Communications of the ACM 4, 1961; Jackson et al., IEEE Signal Processing Letters 12,
     2005). A rest is not treated apart: a segment in which nothing moves has no error.
 
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> time = np.linspace(0.0, 1.2, 61)
     >>> slope = np.where(time < 0.5, -1.0, 1.0)  # the first of two coordinates turns at 0.5 s
     >>> q, v = np.stack([np.abs(time - 0.5), time], 1), np.stack([slope, np.ones(61)], 1)

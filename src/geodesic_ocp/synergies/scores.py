@@ -83,8 +83,6 @@ class MotionErrors(ShortRepr):
 def motion_errors(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     """Return mean errors of a predicted motion against the observed one, sample by sample.
 
-    >>> import geodesic_ocp as go
-    >>> import numpy as np
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 11)
     >>> observed = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
     >>> predicted = go.Motion(time, observed.q + 0.01, arm.joint_names)
@@ -194,8 +192,6 @@ def score(
     that has none. In the scores of the path, timing is removed: every observed sample is compared
     with the nearest point on the chords between the predicted samples of the same segment.
 
-    >>> import geodesic_ocp as go
-    >>> import numpy as np
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
     >>> observed = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
     >>> late = go.Motion(time, np.outer(time**2, np.full(7, 0.5)), arm.joint_names)

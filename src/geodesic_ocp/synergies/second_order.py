@@ -28,20 +28,13 @@ _CORNER = 0.5
 
 @dataclass(frozen=True, eq=False)
 class ThroughStates(MotionProblem):
-    """A motion through recorded configurations and velocities at the ends of segments.
+    """A motion through recorded configurations and velocities at the ends of segments."""
 
-    Attributes:
-        metric: metric that gives the torques.
-        model: model whose weight the joints carry, where a cost includes gravity.
-        recorded: the recording.
-        velocity: its velocities (k, n).
-        edges: indices of the samples, the first and the last of the recording among them.
-    """
-
-    metric: Metric
-    model: Model
-    recorded: Motion
-    velocity: Array
+    metric: Metric  # metric that gives the torques
+    model: Model  # model whose weight the joints carry, where a cost includes gravity
+    recorded: Motion  # the recording
+    velocity: Array  # its velocities (k, n)
+    # indices of the samples, the first and the last of the recording among them
     edges: Sequence[int]
 
     @property

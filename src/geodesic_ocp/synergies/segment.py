@@ -71,7 +71,6 @@ def segment(
     threshold is a cut, and the velocity there the reference. A cut is certain `min_duration` after
     the angle has exceeded threshold + hysteresis, a rest after `rest_duration`.
 
-    >>> import numpy as np, geodesic_ocp as go
     >>> time = np.arange(200) / 100.0
     >>> corner = go.Motion(time, np.column_stack([time, np.maximum(time - 1.0, 0.0)]), ("x", "y"))
     >>> go.segment(go.Euclidean(2), corner.filtered(cutoff=6.0))
@@ -159,18 +158,12 @@ class Development:
     the development is their integral (Kobayashi, Nomizu, "Foundations of Differential Geometry",
     1963, section III.4). It has the motion's speeds, and it is straight where the motion follows a
     geodesic.
-
-    Attributes:
-        times: instants (m,), at most 5 ms apart [s].
-        points: of the curve (m, n), in units of length of the metric.
-        speeds: |q'|_G (m,).
-        resting: which instants are in a long rest (m,), see `segment`.
     """
 
-    times: Array
-    points: Array
-    speeds: Array
-    resting: NDArray[np.bool_]
+    times: Array  # instants (m,), at most 5 ms apart [s]
+    points: Array  # of the curve (m, n), in units of length of the metric
+    speeds: Array  # |q'|_G (m,)
+    resting: NDArray[np.bool_]  # which instants are in a long rest (m,), see `segment`
 
 
 def development(
@@ -545,8 +538,6 @@ def segment_zero_velocity(
     derivation of primitives for movement classification", Autonomous Robots 12, 2002). Crossings
     are located between the samples, so that the cuts hardly depend on the sampling rate.
 
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
     >>> turns = np.outer(np.sin(2.0 * np.pi * time), np.ones(7))  # all reverse at 0.25 and 0.75 s
     >>> go.synergies.segment_zero_velocity(go.Motion(time, turns, arm.joint_names).filtered())

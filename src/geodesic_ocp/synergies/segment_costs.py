@@ -19,7 +19,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, as_choice
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.logarithm.cubics import cubic
@@ -70,10 +70,8 @@ class SegmentCosts:
         model: Model | None,
         curve: Curve = "geodesic",
     ) -> None:
-        for name, given, kinds in (("measure", measure, Measure), ("curve", curve, Curve)):
-            if given not in get_args(kinds):
-                known = ", ".join(map(repr, get_args(kinds)))
-                raise ValueError(f"{name} must be one of {known}, got {given!r}")
+        as_choice("measure", measure, get_args(Measure))
+        as_choice("curve", curve, get_args(Curve))
         model = getattr(metric, "model", None) if model is None else model
         if measure != "joint" and model is None:
             raise ValueError(f"measure {measure!r} needs a model, which this metric does not have")

@@ -47,7 +47,6 @@ def segment_developed(
 
     A rest of `rest_duration` or longer is a segment of its own, as in `segment`.
 
-    >>> import numpy as np, geodesic_ocp as go
     >>> time = np.arange(200) / 100.0
     >>> corner = go.Motion(time, np.column_stack([time, np.maximum(time - 1.0, 0.0)]), ("x", "y"))
     >>> found = go.synergies.segment_developed(go.Euclidean(2), corner.filtered(cutoff=6.0))

@@ -73,14 +73,10 @@ def spline_knots(
     neighbours, three on either side, has the least error; and so on. The errors are those of the
     whole spline, so that the least possible error for a number of knots is at most this.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
-    >>> knots = go.synergies.spline_knots(go.Euclidean(7), reach.filtered(), spacing=0.2)
+    >>> reach = go.recordings.bundled_recording().motion.part(270, 429)
+    >>> knots = go.synergies.spline_knots(go.Euclidean(7), reach, spacing=0.2)
     >>> knots.errors.round(3).tolist()
-    [0.063, 0.018, 0.01, 0.006, 0.005, 0.004, 0.004]
+    [0.056, 0.017, 0.009, 0.006, 0.005, 0.004, 0.004]
 
     Args:
         metric: metric of the splines; of the Euclidean one they are the usual cubic splines.

@@ -93,9 +93,7 @@ def motion_of_synergies(synergies: Sequence[Synergy], rate: float = _RATE) -> Mo
 
     At a cut, where the velocity jumps, the sample is of the synergy that begins.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> recording = go.recordings.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> predicted = go.synergies.motion_of_synergies(analysis.synergies)
     >>> len(predicted), predicted.time[[0, -1]].round(3).tolist()
@@ -174,9 +172,7 @@ def reconstruct(
     takes the observed duration and end speeds |q'|_G (at most a hundred times the mean speed along
     the path) and never moves backwards. With `Euclidean` the paths are straight lines.
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
+    >>> motion = go.recordings.bundled_recording().motion
     >>> segments = [(0, 300), (300, len(motion) - 1)]
     >>> result = go.synergies.reconstruct(go.Euclidean(7), motion, segments)
     >>> [round(synergy.length, 2) for synergy in result.synergies]
@@ -279,8 +275,6 @@ def save_synergies(
 
     >>> import tempfile
     >>> from pathlib import Path
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
     >>> reach = np.outer(3.0 * time**2 - 2.0 * time**3, np.full(7, 0.5))
     >>> analysis = go.analyse(arm, go.Motion(time, reach, arm.joint_names).filtered())
@@ -321,9 +315,7 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
     """Read synergies that `save_synergies` wrote.
 
     >>> import tempfile
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> recording = go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left")
+    >>> recording = go.recordings.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     files = analysis.save(folder)
@@ -358,19 +350,12 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SavedSynergies(ShortRepr):
-    """Contents of a file of `save_synergies` that need no metric.
+    """Contents of a file of `save_synergies` that need no metric."""
 
-    Attributes:
-        motion: motion that the synergies predict, at 100 Hz, without velocities.
-        spans: start and end of each synergy [s].
-        model: name of the model; "" if the file does not say.
-        height: height of the person [m]; None if the file does not say.
-    """
-
-    motion: Motion
-    spans: tuple[tuple[float, float], ...]
-    model: str = ""
-    height: float | None = None
+    motion: Motion  # motion that the synergies predict, at 100 Hz, without velocities
+    spans: tuple[tuple[float, float], ...]  # start and end of each synergy [s]
+    model: str = ""  # name of the model; "" if the file does not say
+    height: float | None = None  # height of the person [m]; None if the file does not say
 
 
 def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_integer
+from geodesic_ocp.arrays import Array, ShortRepr, as_choice, as_integer
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
@@ -89,9 +89,7 @@ class Uncertainty(ShortRepr):
 
         A replicate is filtered twice, so that its error may be smaller or larger as a rule.
         """
-        if measure not in _MEASURES:
-            raise ValueError(f"measure must be one of {', '.join(_MEASURES)}, got {measure!r}")
-        column = _MEASURES.index(measure)
+        column = _MEASURES.index(as_choice("measure", measure, _MEASURES))
         return _range(self.errors[:, column], float(self.own_errors[column]))
 
     def __str__(self) -> str:

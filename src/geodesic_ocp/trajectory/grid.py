@@ -173,17 +173,11 @@ class Grid(ShortRepr):
 
 @dataclass(frozen=True)
 class Quadrature:
-    """Quadrature points within the segments of a grid: m per segment.
+    """Quadrature points within the segments of a grid: m per segment."""
 
-    Attributes:
-        weights: (segments, m); they sum to one.
-        values: (m, degree + 1), from the values at a segment's nodes to those at its points.
-        slopes: (segments, m, degree + 1), to the derivatives by s at its points.
-    """
-
-    weights: Array
-    values: Array
-    slopes: Array
+    weights: Array  # (segments, m); they sum to one
+    values: Array  # (m, degree + 1), from the values at a segment's nodes to those at its points
+    slopes: Array  # (segments, m, degree + 1), to the derivatives by s at its points
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,12 @@ import csv
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from math import perm
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,6 +106,15 @@ class JointTrajectory(ShortRepr):
             tuple(unit for part in parts for unit in part.units),
             np.hstack(efforts) if len(efforts) == len(parts) else None,
         )
+
+    def columns(self, chosen: slice, joint_names: Sequence[str]) -> JointTrajectory:
+        """Return some columns, as of one of several arms `side_by_side`, under these names."""
+        arrays = ("positions", "velocities", "accelerations", "efforts")
+        cut: dict[str, Any] = {
+            name: None if (given := getattr(self, name)) is None else given[:, chosen]
+            for name in arrays
+        }
+        return replace(self, **cut, joint_names=tuple(joint_names), units=self.units[chosen])
 
     @classmethod
     def from_positions(

@@ -228,6 +228,25 @@ class Motion:
         outliers = tuple(each for each in self.outliers if each.joint in (*joints, ALL_JOINTS))
         return replace(self, **chosen, joint_names=tuple(joints), filter=used, outliers=outliers)
 
+    def part(self, start: int, stop: int) -> Motion:
+        """Return the motion from one sample to another, both included, as of a segment.
+
+        What was found of the whole, its filter and its outliers, stays.
+
+        Raises:
+            ValueError: there are no such samples, or fewer than two.
+        """
+        if not 0 <= start < stop < len(self):
+            raise ValueError(f"samples must be in 0 to {len(self) - 1}, got {start} to {stop}")
+        rows = slice(start, stop + 1)
+        chosen: dict[str, Any] = {
+            name: None if (given := getattr(self, name)) is None else given[rows]
+            for name in ("time", "q", "velocity", "unfiltered")
+        }
+        if self.trunk is not None:
+            chosen["trunk"] = FrameMotion(self.trunk.rotations[rows], self.trunk.positions[rows])
+        return replace(self, **chosen)
+
     def without_outliers(self) -> Motion:
         """Return the motion as it was recorded, without spikes, repeated frames and wraps.
 
@@ -237,7 +256,7 @@ class Motion:
         whole revolutions are undone. A sensor that stands still while other joints move is named,
         but its samples are kept.
 
-        >>> import warnings, numpy as np, geodesic_ocp as go
+        >>> import warnings
         >>> time = np.arange(200) / 100.0
         >>> q = np.sin(4.0 * time)
         >>> q[70] += 1.0  # [rad]
@@ -311,7 +330,6 @@ class Motion:
         result depends on the recording and the last filter alone. Outliers are taken out first
         (`without_outliers`).
 
-        >>> import numpy as np, geodesic_ocp as go
         >>> time = np.arange(200) / 100.0
         >>> noise = 2e-3 * np.random.default_rng(0).normal(size=200)
         >>> motion = go.Motion(time, (np.sin(4.0 * time) + noise)[:, None], ("elbow",))

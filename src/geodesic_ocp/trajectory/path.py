@@ -53,7 +53,6 @@ class Path:
         Its speed is constant: s is proportional to the length of the straight pieces. Waypoints
         that repeat the one before are left out.
 
-        >>> import geodesic_ocp as go
         >>> detour = go.Path.through(go.Euclidean(2), [(0.0, 0.0), (1.0, 0.0), (1.0, 3.0)])
         >>> detour(0.25).tolist(), detour.length
         ([1.0, 0.0], 4.0)

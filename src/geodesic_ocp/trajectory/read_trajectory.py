@@ -47,8 +47,6 @@ def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
 
     >>> import tempfile
     >>> from pathlib import Path
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> rows = [[0.0, 0.0], [0.1, 9.0], [0.2, 18.0], [0.3, 27.0]]
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "trajectory.csv"

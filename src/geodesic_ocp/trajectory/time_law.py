@@ -129,7 +129,6 @@ def time_law(
             message says which.
 
     Example:
-        >>> import geodesic_ocp as go
         >>> law = go.trajectory.time_law(length=0.5, duration=2.0, start_speed=0.0, end_speed=0.0)
         >>> float(law(1.0)), float(law(1.0, order=1))
         (0.25, 0.375)

@@ -68,7 +68,6 @@ def load_model(
     its transmissions (extensions by Drake), and for robots by name the `rotor_params` of an SRDF in
     their package. Most files state none (`Model.with_armature` adds them).
 
-    >>> import geodesic_ocp as go
     >>> pendulum = '''<robot name="pendulum">
     ...   <link name="base"/>
     ...   <link name="bob"><inertial><origin xyz="0 0 -0.5"/><mass value="2"/>

@@ -21,7 +21,6 @@ class Robot:
     """A robot arm in a file of a package, or a waist with both arms.
 
     Attributes:
-        package: name of the package.
         file: path below the package's folder of robots.
         hand: frame at the grasp centre if the file has one, otherwise the last link.
         base: fixed link; the joints before it are locked. None: the root of the file.

@@ -199,7 +199,6 @@ def segments_of_angles(
     """Return the orientations of the segments whose columns are in the table.
 
     Args:
-        convention: convention of the angles.
         time: (k,) [s].
         columns: columns by name, (k,) [rad], positions [m].
 

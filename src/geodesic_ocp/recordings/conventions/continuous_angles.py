@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, as_choice, as_vector
 
 # Cosine of the second angle below which the other two are not determined one by one: rounding
 # errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
@@ -20,8 +20,7 @@ AXES = ("x", "y", "z", "-x", "-y", "-z")
 def direction(axis: str | ArrayLike) -> Array:
     """Return unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
     if isinstance(axis, str):
-        if axis not in AXES:
-            raise ValueError(f"axis must be one of {', '.join(AXES)} or 3 numbers, got {axis!r}")
+        as_choice("axis", axis, AXES, " or 3 numbers")
         return np.asarray(np.eye(3)["xyz".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0))
     vector = as_vector("axis", axis, 3)
     length = float(np.linalg.norm(vector))

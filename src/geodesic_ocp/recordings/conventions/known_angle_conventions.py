@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_ocp.arrays import as_choice
 from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
@@ -230,10 +231,7 @@ def as_convention(
 def _angle_convention(name: str, record: Any) -> AngleConvention:
     defaults: dict[str, Any] = {"relations": ()}
     if isinstance(record, dict) and "extends" in record:
-        base = record["extends"]
-        if not isinstance(base, str) or base not in ANGLE_CONVENTIONS:
-            raise ValueError(f"extends must be one of {', '.join(ANGLE_CONVENTIONS)}, got {base!r}")
-        known = ANGLE_CONVENTIONS[base]
+        known = ANGLE_CONVENTIONS[as_choice("extends", record["extends"], ANGLE_CONVENTIONS)]
         defaults = {each.name: getattr(known, each.name) for each in fields(known)}
         record = {key: value for key, value in record.items() if key != "extends"}
 

@@ -81,23 +81,14 @@ _STATE_IT = (
 
 @dataclass(frozen=True, eq=False)
 class ArmAxes:
-    """Points and axes within the bodies of one arm.
+    """Points and axes within the bodies of one arm."""
 
-    Attributes:
-        bodies: bodies of upper arm, forearm and (if the model has one) hand.
-        upper: axes x right, y forward, z up of the upper arm, as columns in its body (3, 3).
-        elbow: centre of the elbow in the upper arm's body (3,) [m].
-        wrist: centre of the wrist in the forearm's body (3,) [m].
-        thumb: y of the forearm in its body (3,).
-        hand: axes of the hand as columns in its body (3, 3), or None.
-    """
-
-    bodies: tuple[str, ...]
-    upper: Array
-    elbow: Array
-    wrist: Array
-    thumb: Array
-    hand: Array | None = None
+    bodies: tuple[str, ...]  # bodies of upper arm, forearm and (if the model has one) hand
+    upper: Array  # axes x right, y forward, z up of the upper arm, as columns in its body (3, 3)
+    elbow: Array  # centre of the elbow in the upper arm's body (3,) [m]
+    wrist: Array  # centre of the wrist in the forearm's body (3,) [m]
+    thumb: Array  # y of the forearm in its body (3,)
+    hand: Array | None = None  # axes of the hand as columns in its body (3, 3), or None
 
     def rotations(self, poses: Mapping[str, tuple[Array, Array]]) -> tuple[Array, ...]:
         """Return axes (k, 3, 3) of upper arm, forearm and hand as columns in axes of the ground."""
@@ -128,7 +119,6 @@ def arm_axes(
     hand).
 
     Args:
-        model: model of the arm.
         bodies: names.
         side: "right" or "left".
         neutral: those of the neutral pose that are not zero [rad].

@@ -62,22 +62,14 @@ class OsimJoint:
 
     The rotation is the product of the rotations about the axes, each turned by those before it; the
     position is the sum of the translations along axes of the parent frame.
-
-    Attributes:
-        name: name of the joint.
-        parent: frame in the parent body.
-        child: frame in the child body.
-        rotations: in their order.
-        translations: in any order.
-        refusal: why the joint's motion cannot be computed, if it cannot.
     """
 
     name: str
-    parent: OffsetFrame
-    child: OffsetFrame
-    rotations: tuple[OsimAxis, ...] = ()
-    translations: tuple[OsimAxis, ...] = ()
-    refusal: str = ""
+    parent: OffsetFrame  # frame in the parent body
+    child: OffsetFrame  # frame in the child body
+    rotations: tuple[OsimAxis, ...] = ()  # in their order
+    translations: tuple[OsimAxis, ...] = ()  # in any order
+    refusal: str = ""  # why the joint's motion cannot be computed, if it cannot
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -94,10 +86,8 @@ class OsimModel:
     """A model's tree of bodies.
 
     Attributes:
-        file: file that it is from.
         bodies: names, without the ground.
         joints: joints by the body that they carry.
-        coordinates: coordinates by name.
         couplers: functions of other coordinates by dependent coordinate.
         gravity: (3,) [m/s^2] in axes of the ground.
     """

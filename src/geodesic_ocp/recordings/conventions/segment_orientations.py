@@ -124,8 +124,6 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
     rotation from pelvis to thorax. No angle is moved into a joint's limits, and none jumps by a
     branch: every sample continues the one before, and the first is within the limits where it can.
 
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> from scipy.spatial.transform import Rotation
     >>> bent = Rotation.from_euler("x", [[0.0], [0.5]]).as_matrix()
     >>> still = np.tile(np.eye(3), (2, 1, 1))

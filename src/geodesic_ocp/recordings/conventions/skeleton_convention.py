@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.arrays import as_number, as_positive
+from geodesic_ocp.arrays import as_choice, as_number, as_positive
 from geodesic_ocp.recordings.conventions.segment_orientations import ARM, SEGMENTS, SIDES, TRUNK
 from geodesic_ocp.recordings.formats.text_lines import LENGTHS
 from geodesic_ocp.records import as_stated
@@ -68,9 +68,8 @@ class SkeletonConvention:
         names = {segment: _names(segment, given) for segment, given in self.joints.items()}
         object.__setattr__(self, "joints", names)
         for what in ("up", "forward", "space_up"):
-            axis = getattr(self, what)
-            if axis is not None and axis not in AXES:
-                raise ValueError(f"{what} must be one of {', '.join(AXES)}, got {axis!r}")
+            if getattr(self, what) is not None:
+                as_choice(what, getattr(self, what), AXES)
         if (self.up is None) != (self.forward is None):
             raise ValueError("up and forward are given together, or not at all")
         if self.up is not None and self.forward is not None and self.up[1] == self.forward[1]:

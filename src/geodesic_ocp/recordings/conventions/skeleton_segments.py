@@ -369,7 +369,6 @@ def skeleton_segments(
     forearm's pronation. Without a joint of its own the hand follows the forearm.
 
     Args:
-        motion: motion of the skeleton.
         convention: convention of names and axes; the known one that fits best by default.
         unit: metres per unit of length; without it, or with one arm only, the trunk's pose is not
             known.

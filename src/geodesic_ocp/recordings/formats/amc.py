@@ -36,24 +36,16 @@ Lines = list[tuple[int, list[str]]]  # number of the line and its words
 
 @dataclass
 class AcclaimBone:
-    """A bone's description in the file, and the line on which it begins.
+    """A bone's description in the file, and the line on which it begins."""
 
-    Attributes:
-        line: number of the line.
-        name: name of the bone.
-        direction: direction in the rest pose (3,).
-        length: length in the file's unit.
-        axis: angles (3,) of the axes about which the bone turns, in the file's unit.
-        order: order of the rotations; "XYZ" turns about x first, so that M = Rz Ry Rx.
-        dofs: degrees of freedom, the numbers that a motion gives, such as ("rx", "rz").
-    """
-
-    line: int
+    line: int  # number of the line
     name: str = ""
-    direction: list[float] = field(default_factory=list)
-    length: float = -1.0
+    direction: list[float] = field(default_factory=list)  # direction in the rest pose (3,)
+    length: float = -1.0  # length in the file's unit
+    # angles (3,) of the axes about which the bone turns, in the file's unit
     axis: list[float] = field(default_factory=list)
-    order: str = "XYZ"
+    order: str = "XYZ"  # order of the rotations; "XYZ" turns about x first, so that M = Rz Ry Rx
+    # degrees of freedom, the numbers that a motion gives, such as ("rx", "rz")
     dofs: tuple[str, ...] = ()
 
     def rotations(self, values: Array, dofs: tuple[str, ...]) -> Array:
@@ -215,21 +207,13 @@ def read_parents(lines: Lines, bones: Mapping[str, AcclaimBone]) -> dict[str, st
 
 @dataclass(frozen=True, eq=False)
 class AcclaimSkeleton:
-    """A skeleton of bones, and how the values of a motion rotate them.
+    """A skeleton of bones, and how the values of a motion rotate them."""
 
-    Attributes:
-        skeleton: one joint a bone, at its start; the first is "root".
-        bones: the bones in the same order.
-        frames: axes C (3, 3) about which each bone turns: its rotation is C M C'.
-        unit: metres per unit of length, or None if the file states none.
-        angle: radians per unit of angle, or None.
-    """
-
-    skeleton: Skeleton
-    bones: tuple[AcclaimBone, ...]
-    frames: tuple[Array, ...]
-    unit: float | None
-    angle: float | None
+    skeleton: Skeleton  # one joint a bone, at its start; the first is "root"
+    bones: tuple[AcclaimBone, ...]  # the bones in the same order
+    frames: tuple[Array, ...]  # axes C (3, 3) about which each bone turns: its rotation is C M C'
+    unit: float | None  # metres per unit of length, or None if the file states none
+    angle: float | None  # radians per unit of angle, or None
 
 
 def read_asf(file: Path) -> AcclaimSkeleton:
@@ -295,7 +279,6 @@ def read_amc(
     The subject is named after the skeleton's file.
 
     Args:
-        file: the .amc.
         skeleton: the .asf; by default the one in the same folder of the same name, or of its part
             before "_" (02.asf of 02_05.amc), or the only one there.
         rate: frames per second [Hz]; by default that of the file's line ':samples-per-second', or

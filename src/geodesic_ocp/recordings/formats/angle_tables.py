@@ -124,7 +124,6 @@ def read_table(
     """Read the motion of these joints, or of all, from a table of joint angles.
 
     Args:
-        file: to read.
         joints: names, in the order of the result.
         columns: see `as_columns`.
         fill: longest gap [s] that is bridged by interpolation; None: none may be.
@@ -268,8 +267,6 @@ def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
 
     >>> import tempfile
     >>> from pathlib import Path
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
     >>> motion = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
     >>> with tempfile.TemporaryDirectory() as folder:

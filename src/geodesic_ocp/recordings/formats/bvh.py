@@ -29,26 +29,18 @@ _DEEPEST = 200  # joints from the root to the end of a limb
 
 @dataclass(eq=False)
 class BvhJoint:
-    """A joint of the hierarchy.
+    """A joint of the hierarchy."""
 
-    Attributes:
-        line: on which it begins.
-        name: None for an end site.
-        parent: index of its parent; -1 for the root.
-        depth: number of joints from the root to this one.
-        offset: (3,), in the file's unit; files of the SOMA skeleton add the joint's rotation in the
-            rest pose, angles about x, y and z [deg].
-        channels: names in lower case, such as "zrotation", in the order of the file.
-        first: column of its first channel.
-    """
-
-    line: int
-    name: str | None
-    parent: int
-    depth: int
+    line: int  # on which it begins
+    name: str | None  # None for an end site
+    parent: int  # index of its parent; -1 for the root
+    depth: int  # number of joints from the root to this one
+    # (3,), in the file's unit; files of the SOMA skeleton add the joint's rotation in the rest
+    # pose, angles about x, y and z [deg]
     offset: list[float] | None = None
+    # names in lower case, such as "zrotation", in the order of the file
     channels: tuple[str, ...] | None = None
-    first: int = 0
+    first: int = 0  # column of its first channel
 
     def columns(self, what: str) -> tuple[str, list[int]]:
         """Return axes of the channels of a kind, "rotation" or "position", and their columns."""
@@ -187,7 +179,6 @@ def read_bvh(
     last three of the six numbers of an offset. Its axes follow the convention or are found from it.
 
     Args:
-        file: the .bvh.
         convention: which joints carry which segments; the known one that fits best by default.
         unit: unit of lengths, "m", "cm", "mm", "in" or metres; the format has none, and without it
             there is no pose of the trunk.

@@ -36,29 +36,19 @@ _SATURATED = 65535  # of a frame number in the header, in longer files
 
 @dataclass(frozen=True)
 class C3dHeader:
-    """Description of the frames of a c3d file.
+    """Description of the frames of a c3d file."""
 
-    Attributes:
-        order: order of bytes, "<" or ">".
-        is_dec: whether floats are those of DEC.
-        points: number of points in every frame.
-        analog: number of analog samples in every frame.
-        first, last: numbers of the first frame and of the last.
-        scale: scale of integer coordinates; negative if coordinates are floats.
-        rate: rate of frames [Hz].
-        data: byte at which the frames begin.
-        parameters: numbers or strings by group and name, in capitals.
-    """
-
-    order: str
-    is_dec: bool
-    points: int
-    analog: int
+    order: str  # order of bytes, "<" or ">"
+    is_dec: bool  # whether floats are those of DEC
+    points: int  # number of points in every frame
+    analog: int  # number of analog samples in every frame
+    # first, last: numbers of the first frame and of the last
     first: int
     last: int
-    scale: float
-    rate: float
-    data: int
+    scale: float  # scale of integer coordinates; negative if coordinates are floats
+    rate: float  # rate of frames [Hz]
+    data: int  # byte at which the frames begin
+    # numbers or strings by group and name, in capitals
     parameters: Mapping[tuple[str, str], Array | list[str]]
 
     def strings(self, group: str, name: str) -> list[str]:

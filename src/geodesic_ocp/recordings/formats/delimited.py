@@ -53,23 +53,16 @@ _MISSING = ("", "nan", "-nan")
 
 @dataclass(frozen=True)
 class Rows:
-    """Cells of a table as text.
+    """Cells of a table as text."""
 
-    Attributes:
-        names: names of the columns.
-        cells: one list of as many entries for each row.
-        lines: number of the line of each row.
-    """
-
-    names: tuple[str, ...]
-    cells: list[list[str]]
-    lines: list[int]
+    names: tuple[str, ...]  # names of the columns
+    cells: list[list[str]]  # one list of as many entries for each row
+    lines: list[int]  # number of the line of each row
 
     def columns(self, names: Sequence[str], *, missing: bool = False) -> Array:
         """Return numbers in these columns (k, n), in this order; others may contain anything.
 
         Args:
-            names: names of the columns.
             missing: read empty cells and nan as NaN; otherwise they are refused.
 
         Raises:
@@ -166,27 +159,17 @@ def compare_count(file: Path, header: Mapping[str, str], key: str, what: str, fo
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of a table with notes.
+    """Rows of a table with notes."""
 
-    Attributes:
-        rows: the rows; names without units.
-        scales: radians or metres in the unit of each column, by name; none where it states none.
-        scale: those in the unit of the note; None without it.
-        examples: units that messages name.
-        time: name of the column of time.
-        seconds: seconds in its unit.
-        subject: the person.
-        assumed: what the file does not say outright, for a warning.
-    """
-
-    rows: Rows
+    rows: Rows  # the rows; names without units
+    # radians or metres in the unit of each column, by name; none where it states none
     scales: dict[str, float]
-    scale: float | None
-    examples: tuple[str, str]
-    time: str
-    seconds: float
-    subject: Subject
-    assumed: list[str]
+    scale: float | None  # those in the unit of the note; None without it
+    examples: tuple[str, str]  # units that messages name
+    time: str  # name of the column of time
+    seconds: float  # seconds in its unit
+    subject: Subject  # the person
+    assumed: list[str]  # what the file does not say outright, for a warning
 
     @property
     def others(self) -> list[str]:
@@ -226,7 +209,6 @@ def read_csv(
     """Return a table with notes, in a known separation of columns.
 
     Args:
-        file: to read.
         units: radians or metres by the name of a unit.
         examples: units that messages name.
         time: name of the column of time; by default it is found.
@@ -408,7 +390,6 @@ def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
     A header whose nRows or nColumns is not what follows gives a RuntimeWarning.
 
     Args:
-        file: to read.
         translations: names of coordinates in metres, beside those that `is_translation` knows.
 
     Raises:

@@ -130,17 +130,11 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
 
 @dataclass(frozen=True)
 class Texts:
-    """Texts of one kind in the frames of a recording, None where a frame has none.
+    """Texts of one kind in the frames of a recording, None where a frame has none."""
 
-    Attributes:
-        what: they are, for messages.
-        frame: what a frame is called there.
-        texts: one a frame.
-    """
-
-    what: str
-    frame: str
-    texts: list[str | None]
+    what: str  # what they are, for messages
+    frame: str  # what a frame is called there
+    texts: list[str | None]  # one a frame
 
     def numbers(self, count: int) -> Array:
         """Return `count` numbers of every frame, (k, count)."""

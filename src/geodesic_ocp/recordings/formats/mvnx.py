@@ -46,7 +46,6 @@ def read_mvnx(
     """Read the orientations of segments and the pose of the trunk of the person in an MVNX file.
 
     Args:
-        file: the .mvnx.
         convention: another one than that of MVN's names of segments.
 
     Raises:

@@ -50,7 +50,6 @@ def read_opensim(
     are straight, with a RuntimeWarning.
 
     Args:
-        file: to read.
         joints: names, in the order of the result.
         convention: the model's file or an OsimConvention; or an AngleConvention, the name of a
             built-in one, or a JSON file of either.

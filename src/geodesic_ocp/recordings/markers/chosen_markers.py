@@ -43,25 +43,15 @@ class FitSettings:
 
 @dataclass(frozen=True, eq=False)
 class ChosenMarkers:
-    """Markers of a recording that a marker set places on a body.
-
-    Attributes:
-        set_name: name of the marker set.
-        names: in the recording (m,).
-        observed: their positions (k, m, 3) [m], NaN where missing.
-        segments: segments that they are fixed to.
-        places: on these segments, at the height of the body's model (m, 3) [m].
-        uncertainty: uncertainty of the places (m,) [m].
-        left_out: names of the recording that are not used.
-    """
+    """Markers of a recording that a marker set places on a body."""
 
     set_name: str
-    names: tuple[str, ...]
-    observed: Array
-    segments: tuple[str, ...]
-    places: Array
-    uncertainty: Array
-    left_out: tuple[str, ...]
+    names: tuple[str, ...]  # in the recording (m,)
+    observed: Array  # their positions (k, m, 3) [m], NaN where missing
+    segments: tuple[str, ...]  # segments that they are fixed to
+    places: Array  # on these segments, at the height of the body's model (m, 3) [m]
+    uncertainty: Array  # uncertainty of the places (m,) [m]
+    left_out: tuple[str, ...]  # names of the recording that are not used
 
 
 def choose_markers(
@@ -145,17 +135,11 @@ def standing_height(positions: Markers) -> float | None:
 
 @dataclass(frozen=True)
 class KnownHeight:
-    """Knowledge of the person's height before the fit.
+    """Knowledge of the person's height before the fit."""
 
-    Attributes:
-        factor: from the model's height to the person's.
-        spread: standard deviation of the factor that is estimated; 0 if the factor is kept.
-        origin: where it was taken from, in words.
-    """
-
-    factor: float
-    spread: float
-    origin: str
+    factor: float  # from the model's height to the person's
+    spread: float  # standard deviation of the factor that is estimated; 0 if the factor is kept
+    origin: str  # where it was taken from, in words
 
 
 def known_height(
@@ -288,7 +272,6 @@ def check_trunk(chosen: ChosenMarkers, *, ask_up: bool) -> None:
     """Check the markers of the thorax or, without three of them, the pelvis.
 
     Args:
-        chosen: markers and where they are.
         ask_up: whether a person who does not stand upright is asked about.
 
     Raises:

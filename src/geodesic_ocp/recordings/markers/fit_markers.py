@@ -57,14 +57,10 @@ class FrameSearch:
     """Angles of single frames by damped least squares (Levenberg, Marquardt) within the limits.
 
     The shared variables are zero.
-
-    Attributes:
-        problem: problem of the fit.
-        outlier: [m], see `fit_markers`.
     """
 
     problem: FitProblem
-    outlier: float
+    outlier: float  # [m], see `fit_markers`
 
     def nearest(self, start: Array, observed: Array) -> tuple[Array, float]:
         """Return angles near a start (nz,) for observed positions (m, 3), their loss per marker
@@ -142,21 +138,13 @@ class FrameSearch:
 
 @dataclass(frozen=True, eq=False)
 class FittedVariables:
-    """Values of a fit's variables.
+    """Values of a fit's variables."""
 
-    Attributes:
-        problem: problem that they solve.
-        z: variables of the frames (k, nz).
-        shared: (ns,).
-        loose: joints that the markers do not determine (n,).
-        iterations: iterations of Ipopt, in all.
-    """
-
-    problem: FitProblem
-    z: Array
-    shared: Array
-    loose: NDArray[np.bool_]
-    iterations: int
+    problem: FitProblem  # problem that they solve
+    z: Array  # variables of the frames (k, nz)
+    shared: Array  # (ns,)
+    loose: NDArray[np.bool_]  # joints that the markers do not determine (n,)
+    iterations: int  # iterations of Ipopt, in all
 
 
 def solve_fit(problem: FitProblem, time: Array, ipopt: dict[str, Any] | None) -> FittedVariables:
@@ -262,7 +250,6 @@ def fit_markers(
     weight. Gaps are bridged by smoothness. Coordinates of the base's position count per 0.2 m. The
     result does not depend on the sampling rate; samples may be unevenly spaced.
 
-    >>> import numpy as np, geodesic_ocp as go
     >>> arm, time = go.human_arm("right", height=1.8), np.arange(50) / 50.0
     >>> q = 0.3 * np.sin(np.outer(time, [1, 2, 3, 4, 3, 2, 1])) + [0.4, 0, -0.6, 1, 0, -0.1, 0]
     >>> rotation, wrist = arm.frame_pose("right hand", q)

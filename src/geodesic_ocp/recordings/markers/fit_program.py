@@ -88,19 +88,13 @@ class FitProblem:
     The variables of a frame are the root's position [m] and angles about z, y and x, if it moves,
     and the joints of the model. Shared are lengths, in units of their spread, and offsets relative
     to the marker set's, in units of the marker's uncertainty.
-
-    Attributes:
-        body: body with its root.
-        chosen: the m markers.
-        known: what is known of the height.
-        settings: settings of the fit.
-        axes: axes of the space in which the root's angles are taken (3, 3).
     """
 
-    body: MarkedBody
-    chosen: ChosenMarkers
-    known: KnownHeight
+    body: MarkedBody  # body with its root
+    chosen: ChosenMarkers  # the m markers
+    known: KnownHeight  # what is known of the height
     settings: FitSettings
+    # axes of the space in which the root's angles are taken (3, 3)
     axes: Array = field(default_factory=lambda: np.eye(3))
 
     @property

@@ -59,7 +59,6 @@ def fit_noise(
     """Return the errors of the angles that residuals stand for, the shared variables as they are.
 
     Args:
-        problem: problem of the fit.
         time: (k,) [s].
         z: variables of the frames (k, nz).
         shared: variables of all frames (ns,).
@@ -340,7 +339,6 @@ def undetermined_joints(
     Joints that do so in at least half of the frames, of which up to 50 are considered.
 
     Args:
-        problem: problem of the fit.
         z: variables of the frames (k, nz).
         shared: variables of all frames (ns,).
         seen: which markers are (k, m).
@@ -365,7 +363,6 @@ def constant_errors(
     considered.
 
     Args:
-        problem: problem of the fit.
         time: (k,) [s].
         z: variables of the frames (k, nz).
         shared: variables of all frames (ns,).

@@ -25,7 +25,6 @@ class MarkerSet:
     proximal joint, that of the thorax lies midway between the shoulders; its axes are x to the
     person's right, y forward and z up with the arms hanging and the palms towards the body.
 
-    >>> import geodesic_ocp as go
     >>> dial = ("left forearm", (-0.03, 0.0, -0.22))
     >>> watch = go.recordings.MarkerSet("watch", {"dial": dial}, unit="m")
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, cast, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.trajectory.motion import Subject
 
 
@@ -96,9 +96,8 @@ _TURNS: dict[Axis, tuple[int, int, int]] = {
 
 def as_axis(up: str) -> Axis:
     """Return an axis by its name; ValueError if it is none."""
-    if up not in get_args(Axis):
-        raise ValueError(f"up must be one of {', '.join(get_args(Axis))}, got {up!r}")
-    return cast(Axis, up)
+    axis: Axis = as_choice("up", up, get_args(Axis))
+    return axis
 
 
 def with_z_up(markers: Markers, up: Axis) -> Markers:
