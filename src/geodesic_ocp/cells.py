@@ -154,4 +154,4 @@ def as_dm(matrix: Any) -> ca.DM:
     matrix.sum_duplicates()
     rows, columns = matrix.shape
     pattern = ca.Sparsity(rows, columns, matrix.indptr.tolist(), matrix.indices.tolist())
-    return ca.DM(pattern, matrix.data)
+    return ca.DM(pattern, matrix.data.tolist())

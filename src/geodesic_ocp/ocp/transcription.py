@@ -225,15 +225,16 @@ class Transcription(ShortRepr):
             every = ca.DM.ones(len(nodes), 1)
             return block(each, at[list(nodes)], (every @ origin.T, every @ one * length))
 
-        def slope_rows(segment: int, node: int) -> Array:
-            """Get matrix (n, variables) of the slope at a node of a segment, on equal segments."""
+        def slope_at(segment: int, node: int) -> Array:
+            """Return weights (size,) of the nodes for the slope at one, on equal segments."""
             row = np.zeros(grid.size)
             nodes = grid.degree * segment + np.arange(grid.degree + 1)
             row[nodes] = grid.differentiation[segment][node]
-            return np.asarray(np.kron(row, np.eye(n)))
+            return row
 
-        def placed(rows: Sequence[Array]) -> scipy.sparse.sparray:
-            found = scipy.sparse.coo_array(np.vstack(rows))
+        def placed(*weights: Array) -> scipy.sparse.sparray:
+            """Return the matrix from x to coordinates that are these sums over the nodes."""
+            found = scipy.sparse.coo_array(scipy.sparse.kron(np.stack(weights), np.eye(n)))
             shape = found.shape[0], int(at.max()) + 1
             return scipy.sparse.coo_array((found.data, (found.row, first + found.col)), shape)
 
@@ -241,10 +242,9 @@ class Transcription(ShortRepr):
         rows = np.stack([quadrature.values, quadrature.slopes[0]], axis=1)
         ends = []
         if terms.at_ends.size_g:
-            select = np.eye(n * grid.size)
-            matrix = placed(
-                [select[:n], select[-n:], slope_rows(0, 0), slope_rows(grid.segments - 1, -1)]
-            )
+            first_node, last_node = np.eye(1, grid.size)[0], np.eye(1, grid.size, grid.size - 1)[0]
+            slopes = slope_at(0, 0), slope_at(grid.segments - 1, -1)
+            matrix = placed(first_node, last_node, *slopes)
             scales = length * one, length * one, slope[0] * one, slope[-1] * one
             offset = ca.horzcat(origin.T, origin.T, zero, zero)
             ends = [block(terms.at_ends, matrix, (offset, ca.horzcat(*scales)))]
@@ -256,7 +256,7 @@ class Transcription(ShortRepr):
             after, before = ca.SX.sym("after", n), ca.SX.sym("before", n)
             jump = Terms(ca.vertcat(after, before), terms.conditions.p, 0.0, after - before)
             for segment in grid.via_segments:
-                matrix = placed([slope_rows(segment, 0), slope_rows(segment - 1, -1)])
+                matrix = placed(slope_at(segment, 0), slope_at(segment - 1, -1))
                 units = ca.horzcat(slope[segment] * one, slope[segment - 1] * one)
                 jumps.append(block(jump, matrix, (ca.horzcat(zero, zero), units)))
         weights = ca.DM(quadrature.weights) / (steeper @ ca.DM.ones(1, len(rows))) / scale
