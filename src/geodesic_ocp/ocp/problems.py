@@ -268,6 +268,8 @@ class Reach(ShortRepr, ConstrainedProblem):
 
     def via(self, q: ca.SX) -> Sequence[Sequence[Equality]]:
         """Return the position of the hand at each via point."""
+        if not self._num_points:
+            return []
         given: Any = self.through  # numbers, or symbols in their place
         points = ca.SX(given)
         _, position = self.model.hand_pose(q)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -226,13 +227,17 @@ def unresolved_energy(path: Path) -> Array:
     grid = path.grid
     values = grid.in_segments(path.nodes)
     slopes = grid.differentiation @ (values - values[:, :1])
-    # The velocity is of degree d - 1: its coefficient of Legendre's polynomial P_(d-1).
-    local = np.interp(grid.nodes[: grid.degree + 1], grid.breakpoints[:2], [-1.0, 1.0])
-    columns = slopes.swapaxes(0, 1).reshape(local.size, -1)
-    terms = legendre.legfit(local, columns, grid.degree - 1)[-1].reshape(grid.segments, -1)
+    terms = _last_term(grid.degree) @ slopes
     middle = (path.breakpoints[:-1] + path.breakpoints[1:]) / 2.0
     sizes = speeds_at(path.metric, path(middle), terms)
     return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))
+
+
+@lru_cache
+def _last_term(degree: int) -> Array:
+    """Return, by the velocities at the nodes, their coefficient of Legendre's P_(degree - 1)."""
+    nodes = 2.0 * Grid(1, degree).nodes - 1.0
+    return np.asarray(legendre.legfit(nodes, np.eye(degree + 1), degree - 1)[-1])
 
 
 def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
