@@ -43,7 +43,7 @@ _DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altoge
 _DEFAULT = RetargetingSettings()
 # Shares of limits of torque rate and of the hand's speed within which a step is sought, and that it
 # keeps: averages of configurations have other torques.
-_SHARES = 0.9, 0.95
+_SHARES = (0.85, 0.9), (0.9, 0.95)
 _GAP = 2.5  # steps without a sample, after which the person's motion begins anew
 
 
@@ -71,8 +71,10 @@ class LiveRetargeting:
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep all
     limits, whatever the samples are: of position, speed, acceleration, jerk, torque and its rate,
-    and of the hand's speed. The hand stays behind where joints are too weak to hold the arm.
-    Commands lag behind by `delay`, and by more where the limits do not allow the person's speed.
+    and of the hand's speed. A tenth of the limit of torque rates is left for what averages change,
+    some 5 N m/s where joints are fast, so that much smaller limits may be exceeded. The hand stays
+    behind where joints are too weak to hold the arm. Commands lag behind by `delay`, and by more
+    where the limits do not allow the person's speed.
     Distances between links or to obstacles are not considered. At the beginning, and after a gap, a
     parallel gripper takes the nearer one of both grasps. Synergies of the person are those of the
     online rule (`segment`), as `segment_developed` needs the whole motion. They are closed as soon
@@ -135,8 +137,8 @@ class LiveRetargeting:
         self._gravity = gravity_on(target)
         rates, speed = self.limits.torque_rate, self.limits.hand_speed
         wanted, kept = (
-            replace(self.limits, torque_rate=share * rates, hand_speed=share * speed)
-            for share in _SHARES
+            replace(self.limits, torque_rate=first * rates, hand_speed=second * speed)
+            for first, second in _SHARES
         )
         self._tracker = Tracker(
             *(robot, wanted, self._step, q),
