@@ -13,12 +13,10 @@ from known_models import planar_arm
 
 import geodesic_ocp as go
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.arm_paths import ArmPaths, Knots
-from geodesic_ocp.execution.clearance import Clearance, joined_clearance
+from geodesic_ocp.execution.arm_paths import ArmPaths
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
-from geodesic_ocp.execution.trajectory_program import TrajectoryProgram, WatchedArm
-from geodesic_ocp.execution.trajectory_rounds import _first_guess
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -77,24 +75,6 @@ def test_limits_hold_everywhere(zigzag: PlannedTrajectory) -> None:
         assert np.all(np.abs(values) <= limit * KEPT)
     assert 0.99 <= zigzag.usage[0].largest <= KEPT
     assert zigzag.success
-
-
-def test_a_round_from_the_solution_of_the_one_before_is_short(zigzag: PlannedTrajectory) -> None:
-    knots = Knots.spaced(zigzag.edges, np.diff(zigzag.edges))
-    nothing = joined_clearance([], 2)
-    program, *guess, _ = _first_guess(
-        TrajectoryProgram(zigzag.arms, nothing, True, 1.0, knots), 1.3, False
-    )
-    _, references, watched = guess
-    first, multipliers = program.solve(*guess, 100)
-    more = WatchedArm({"velocity": np.array([[0, 0], [2, 1]])}, {})
-    for kept in (watched, replace(watched, arms=(more,))):
-        start = program.states(first.x), references, kept, 100
-        (cold, _), (warm, _) = program.solve(*start), program.solve(*start, multipliers)
-        assert cold.success
-        assert warm.success
-        assert warm.iterations < cold.iterations
-        assert warm.objective == pytest.approx(cold.objective, rel=1e-3)
 
 
 def test_ends_of_paths_are_passed_at_the_edges(zigzag: PlannedTrajectory) -> None:
@@ -227,7 +207,7 @@ def test_the_speed_of_the_hand_is_limited(zigzag: PlannedTrajectory) -> None:
 
     allowed = 0.5 * fastest(zigzag)
     found = plan_trajectory([replace(free, limits=replace(free.limits, hand_speed=allowed))])
-    assert fastest(found) <= allowed * KEPT
+    assert fastest(found) <= allowed * (1.0 + 1e-5)  # it is kept at samples
     assert found.usage[0].hand_speed >= 0.99
 
 

@@ -7,6 +7,8 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from installed_robots import needs_robots
 
 import geodesic_ocp as go
@@ -64,44 +66,70 @@ def test_command_keeps_all_limits_whatever_the_person_does() -> None:
     assert trajectory.states(middle)[2] == pytest.approx(between, abs=1e-6)
 
 
+def checked(
+    robot: go.Model,
+    limits: go.execution.JointLimits | None,
+    seed: int,
+    every: int = 25,
+    held: go.execution.JointLimits | None = None,
+) -> go.execution.TrajectoryCheck:
+    """The commands to a hand that jumps and shakes, and then to none: do they keep limits?"""
+    rng, person = np.random.default_rng(seed), go.human_arm("right")
+    start = (robot.lower + robot.upper) / 2.0
+    live = go.retargeting.LiveRetargeting(person, robot, start, limits=limits)
+    commands = [live.command]
+    for k in range(200):
+        if k % every == 0:
+            q = rng.uniform(np.maximum(person.lower, -1.5), np.minimum(person.upper, 1.5))
+        commands.append(live.step(k * STEP, q + 0.01 * rng.normal(size=7)))
+    commands += [live.step(k * STEP) for k in range(200, 320)]  # it brakes and rests
+    gravity, trajectory = gravity_on(live.mapping.target), as_trajectory(commands, robot)
+    return go.check_trajectory(trajectory, robot, held or live.limits, gravity=gravity)
+
+
+FREE = replace(LIMITS, acceleration=np.full(7, np.inf), jerk=np.full(7, np.inf))
+
+
+@pytest.mark.slow
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 1000),
+    every=st.integers(1, 60),
+    rate=st.sampled_from([80.0, 150.0, 400.0]),
+    torque=st.sampled_from([14.0, 40.0, np.inf]),
+    hand_speed=st.sampled_from([0.3, 1.5, np.inf]),
+    limits=st.sampled_from([LIMITS, FREE]),
+)
+def test_no_limit_is_exceeded_where_samples_jump(
+    seed: int,
+    every: int,
+    rate: float,
+    torque: float,
+    hand_speed: float,
+    limits: go.execution.JointLimits,
+) -> None:
+    """Also where nothing but torques and their rates bound accelerations."""
+    more = {"torque": np.full(7, torque), "torque_rate": np.full(7, rate)}
+    found = checked(ROBOT, replace(limits, **more, hand_speed=hand_speed), seed, every)
+    assert found.passed, found
+
+
 @pytest.mark.slow
 def test_torques_and_the_hands_speed_are_limited_where_they_would_exceed() -> None:
-    swing = np.array([0.3, -0.3, 0.2, 1.2, 0.0, 0.0, 0.0]) + np.zeros((200, 7))
-    swing[:, 3] += 0.5 * np.sin(5.0 * STEP * np.arange(200))
-    found = []
-    tight = go.execution.joint_limits(
-        ROBOT, velocity=2.5, torque=10.0, torque_rate=80.0, hand_speed=1.5
-    )
-    for limits in (LIMITS, tight):
-        live = go.retargeting.LiveRetargeting(PERSON, ROBOT, START, limits=limits)
-        commands = [live.command, *(live.step(k * STEP, q) for k, q in enumerate(swing))]
-        commands += [live.step((200 + k) * STEP) for k in range(50)]  # it brakes and rests
-        found.append(go.check_trajectory(as_trajectory(commands), ROBOT, tight))
-    free_use, use = ({k: v.max() for k, v in each.usage.items()} for each in found)
+    tight = replace(LIMITS, torque=np.full(7, 10.0), torque_rate=np.full(7, 80.0), hand_speed=0.8)
+    free, within = (checked(ROBOT, each, 0, held=tight) for each in (LIMITS, tight))
     kinds = ("torque", "torque_rate", "hand_speed")
-    assert all(free_use[kind] > 1.2 for kind in kinds), free_use
-    assert found[1].passed, found[1]
-    assert use["hand_speed"] > 0.9
+    assert all(free.usage[kind].max() > 1.1 for kind in kinds), free
+    assert within.passed, within
+    assert all(within.usage[kind].max() > 0.8 for kind in kinds), within
 
 
 @needs_robots
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["panda", "talos-right-arm"])
-def test_no_torque_or_rate_is_exceeded_where_the_hand_jumps(name: str) -> None:
-    """Neither where it has to slow down, nor where Talos' joints cannot hold its arm."""
-    robot, rng = go.load_model(name), np.random.default_rng(0)
-    person = go.human_arm("right")
-    start = (robot.lower + robot.upper) / 2.0
-    live = go.retargeting.LiveRetargeting(person, robot, start)
-    commands = [live.command]
-    for k in range(400):
-        if k % 25 == 0:
-            q = rng.uniform(np.maximum(person.lower, -1.5), np.minimum(person.upper, 1.5))
-        commands.append(live.step(k * STEP, q + 0.01 * rng.normal(size=7)))
-    commands += [live.step(k * STEP) for k in range(400, 500)]  # it brakes and rests
-    gravity = gravity_on(live.mapping.target)
-    trajectory = as_trajectory(commands, robot)
-    found = go.check_trajectory(trajectory, robot, live.limits, gravity=gravity)
+def test_no_limit_of_a_robot_is_exceeded_where_samples_jump(name: str) -> None:
+    """Neither where its hand has to slow down, nor where Talos' joints cannot hold its arm."""
+    found = checked(go.load_model(name), None, 0)
     assert found.passed, found
 
 

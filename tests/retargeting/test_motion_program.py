@@ -209,6 +209,21 @@ def test_slow_joints_take_time_or_another_way(waypoints: ArmWaypoints, found: Pl
     assert np.all(found.longer < 1e-6)
 
 
+def test_needed_times_are_those_of_a_joint_that_accelerates_from_rest(
+    waypoints: ArmWaypoints,
+) -> None:
+    """Checked by the ways that joints with and without limits go in these times."""
+    v, a = np.array([[1.0, 2.0, np.inf, np.inf], [5.0, np.inf, 8.0, np.inf]])
+    limits = replace(no_limits(4), velocity=v, acceleration=a)
+    ways = np.linspace(0.0, 1.5, 31)[:, None] * [1.0, -1.0, 1.0, 1.0]
+    times = replace(waypoints, limits=limits).needed_times(ways)
+    accelerating = np.minimum(times[:, 0], v[0] / a[0])
+    assert_allclose(a[0] * accelerating**2 / 2.0 + v[0] * (times[:, 0] - accelerating), ways[:, 0])
+    assert_allclose(v[1] * times[:, 1], -ways[:, 1])
+    assert_allclose(a[2] * times[:, 2] ** 2 / 2.0, ways[:, 2])
+    assert np.all(times[:, 3] == 0.0)
+
+
 def test_hand_stays_nearer_to_the_persons_for_more_energy(
     waypoints: ArmWaypoints, found: PlannedPaths
 ) -> None:

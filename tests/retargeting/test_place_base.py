@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib import import_module
+from importlib.resources import files
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from installed_robots import needs_robots
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from small_retargeting import small_analysis
@@ -225,6 +227,28 @@ def test_a_slow_robot_is_moved_where_it_is_quicker() -> None:
         found = go.retarget(small_analysis(), slow, settings=chosen)
     assert found.arms[0].placement is not None
     assert found.planned.stretch < fixed.planned.stretch
+
+
+@needs_robots
+@pytest.mark.slow
+def test_a_late_motion_is_planned_with_more_weight_of_time_if_that_is_quicker(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An xArm 7 at half its speed takes over the bundled recording."""
+    person, robot = go.human_arm("left", 1.78), go.load_model("xarm7")
+    file = files("geodesic_ocp") / "data" / "climb.csv"
+    analysis = go.analyse(person, go.read_motion(file, person.joint_names))
+    limits = go.execution.joint_limits(robot)
+    limits = replace(limits, velocity=limits.velocity / 2.0)
+    given = {"alignment": go.retargeting.align(robot), "limits": limits}
+    chosen = go.RetargetingSettings(self_collision=False)
+    found = go.retarget(analysis, robot, settings=chosen, **given)
+    monkeypatch.setattr(retarget, "_QUICKER", 0.0)  # never
+    usual = go.retarget(analysis, robot, settings=chosen, **given)
+    assert usual.stretch > 1.05 > found.stretch
+    assert found.success
+    weights = [each.paths.problem.stretch for each in (usual, found)]
+    assert weights == pytest.approx([chosen.stretch_weight, 10.0 * chosen.stretch_weight])
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
 
-_OUTSIDE = 5e-7  # [rad or m]; lets a path touch its position limits
+OUTSIDE = 5e-7  # [rad or m]; lets a path touch its position limits
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,8 +54,8 @@ class ArmPaths(ShortRepr):
     @cached_property
     def ranges(self) -> tuple[Array, Array]:
         """Ranges of the joints (n,), just outside the limits, and beyond the ends of paths."""
-        lower = np.minimum(self.robot.lower, self.ends.min(axis=0)) - _OUTSIDE
-        upper = np.maximum(self.robot.upper, self.ends.max(axis=0)) + _OUTSIDE
+        lower = np.minimum(self.robot.lower, self.ends.min(axis=0)) - OUTSIDE
+        upper = np.maximum(self.robot.upper, self.ends.max(axis=0)) + OUTSIDE
         return lower, upper
 
 

@@ -44,7 +44,6 @@ _FEWEST = 3  # steps: at rest, in motion, at rest
 _COARSE = 25.0  # [Hz], at which starts are compared
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
 _ACCURACY = 1e-10  # [rad/s or m/s], of speeds
-_GENTLY = 0.25  # where torques are limited as well: see `speed_bounds`
 _HOLDING = 0.95  # share of its limit up to which a joint's torque may be to hold the arm
 _PASSES = 2  # of the problem of a step with limits of torque
 _SOFT = 8  # DAQP's number of conditions that may be violated
@@ -227,7 +226,7 @@ class Tracker:
         error, change_cost = way[:, 0], self.smoothing / self.step
         wanted = velocity[list(self.rows)] + min(_GAIN, 1.0 / self.step) * error
         towards, damped = _DRIFT * (self.preferred - q), _DAMPING**2 + float(error @ error)
-        bounds = self.bounds(q, previous, left)
+        bounds = speed_bounds(self.model, self.limits, self.step, q, previous, left)
         if self.solver is not None:
             found = self.solver(q, wanted, towards, previous, damped, bounds)
         else:
@@ -235,13 +234,13 @@ class Tracker:
             hessian = jacobian.T @ jacobian + weight * np.eye(self.model.dof)
             pulled = self.posture_cost * towards + change_cost * previous
             gradient = -(jacobian.T @ wanted + pulled)
-            found = self._least(hessian, gradient, bounds, q, previous, force)
+            found, conditions = previous, None
+            # Again, as torques are not quite linear in the speeds.
+            for _ in range(1 if self.gravity is None else _PASSES):
+                if self.gravity is not None:
+                    conditions = self._conditions(q, previous, force, found)
+                found = box_least_squares(hessian, gradient, *bounds, conditions)
         return np.asarray(np.clip(found, *bounds))
-
-    def braking(self, q: Array, previous: Array, force: Array | None = None) -> Array:
-        """Return the least speeds (n,) of the step that begins at q (n,), see `speeds`."""
-        n, bounds = self.model.dof, self.bounds(q, previous)
-        return self._least(np.eye(n), np.zeros(n), bounds, q, previous, force)
 
     def torques(self, q: Array, previous: Array, speeds: Array) -> Array:
         """Return torques (n,) at the beginning of a step, at q (n,), where speeds change (n,)."""
@@ -249,24 +248,6 @@ class Tracker:
         change = (speeds - previous) / self.step
         middle = (previous + speeds) / 2.0
         return np.asarray(self.model.inverse_dynamics(q, middle, change, self.gravity))
-
-    def _least(
-        self,
-        hessian: Array,
-        gradient: Array,
-        bounds: tuple[Array, Array],
-        q: Array,
-        previous: Array,
-        force: Array | None,
-    ) -> Array:
-        """Return the speeds v (n,) that minimize v' H v / 2 + g' v within bounds and conditions."""
-        if self.gravity is None:
-            return box_least_squares(hessian, gradient, *bounds)
-        speeds = previous
-        for _ in range(_PASSES):  # as torques are not quite linear in the speeds
-            conditions = self._conditions(q, previous, force, speeds)
-            speeds = box_least_squares(hessian, gradient, *bounds, conditions)
-        return speeds
 
     def _conditions(
         self, q: Array, previous: Array, force: Array | None, near: Array
@@ -290,22 +271,16 @@ class Tracker:
         limited = np.isfinite(upper)
         found = [(matrix[limited], (middle + lower)[limited], (middle + upper)[limited])]
         some = np.isfinite(limit)  # a joint that is too weak to hold the arm is not led farther
-        room = _GENTLY * np.maximum(_HOLDING * limit - held, 0.0)[some] / self.step
+        room = np.maximum(_HOLDING * limit - held, 0.0)[some] / self.step
         found.append((np.sign(weight[some]) * slope[some], np.full_like(room, -np.inf), room))
         hands, largest = self.hands or (self.model.hand,), self.limits.hand_speed
         moving = self.model.stacked_jacobians(hands, q).reshape(len(hands), 6, -1)[:, :3]
         for jacobian in moving if np.isfinite(largest) else ():
             row = (jacobian @ previous) @ jacobian
-            speed = float(np.linalg.norm(jacobian @ previous))
-            allowed = min(largest, speed + _GENTLY * (largest - speed))
-            found.append((row[None], np.array([-np.inf]), np.array([allowed * speed])))
+            allowed = largest * float(np.linalg.norm(jacobian @ previous))
+            found.append((row[None], np.array([-np.inf]), np.array([allowed])))
         rows, least, most = map(np.concatenate, zip(*found, strict=True))
         return StepConditions(rows, least, most, int(limited.sum()))
-
-    def bounds(self, q: Array, previous: Array, left: int = _MANY) -> tuple[Array, Array]:
-        """Return `speed_bounds` of the step that begins at q (n,)."""
-        share = 1.0 if self.gravity is None else _GENTLY
-        return speed_bounds(self.model, self.limits, self.step, q, previous, left, share)
 
 
 def _targets(
@@ -376,7 +351,6 @@ def speed_bounds(
     q: Array,
     previous: Array,
     left: int,
-    share: float = 1.0,
 ) -> tuple[Array, Array]:
     """Return least and largest constant speed (n,) over a step, q_next = q + step v.
 
@@ -392,15 +366,11 @@ def speed_bounds(
         q: configuration at the beginning of the step (n,).
         previous: speed in the step before (n,).
         left: number of steps after this one, in the last of which the arm is at rest.
-        share: of the acceleration with which joints brake before the end of their range, and of the
-            way to their largest speed that they go in a step: less needs smaller torques.
     """
     change = (1.0 - _ROUNDING) * limits.acceleration * step  # of the speed from step to step
     largest = np.minimum((1.0 - _ROUNDING) * limits.velocity, left * change if left else 0.0)
-    up = np.minimum(largest, _braking(model.upper - _ROUNDING - q, share * change, step))
-    down = -np.minimum(largest, _braking(q - model.lower - _ROUNDING, share * change, step))
-    up = np.where(up > previous, previous + share * (up - previous), up)
-    down = np.where(down < previous, previous + share * (down - previous), down)
+    up = np.minimum(largest, _braking(model.upper - _ROUNDING - q, change, step))
+    down = -np.minimum(largest, _braking(q - model.lower - _ROUNDING, change, step))
     up, down = (np.clip(each, previous - change, previous + change) for each in (up, down))
     return np.minimum(down, up), up
 

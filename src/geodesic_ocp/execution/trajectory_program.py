@@ -15,10 +15,9 @@ limits: q0, q0 + h v0 / 3, q1 - h v1 / 3, q1, and v0, v0 + h a0 / 2, v1.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -317,9 +316,9 @@ class Watched:
 # The objective counts time beyond the person's as a fraction of the person's; squared distances and
 # jerks are integrated over the trajectory's time.
 _DISTANCE = 0.1  # from the paths [rad] that costs, if kept up, as much as the time it is kept up
-_UNEVEN = 1.0  # of the squared stretch of an interval
+_UNEVEN = 2.0  # of the squared stretch of an interval
 _SHORT = 0.05  # intervals shorter than this [s] may be stretched more
-_JERK, _JERK_TIME = 1e-3, 0.05  # when an acceleration changes by its limit in this time [s]
+_JERK, _JERK_TIME = 1e-2, 0.05  # when an acceleration changes by its limit in this time [s]
 _IPOPT = {
     "tol": 1e-6,
     "constr_viol_tol": 1e-9,
@@ -331,18 +330,6 @@ _IPOPT = {
     **{"mumps_pivot_order": 0, "mumps_permuting_scaling": 0, "mumps_scaling": 0},
     "min_refinement_steps": 0,
 }
-_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-# From the solution of the round before, with its multipliers.
-_WARM_START = {
-    **_IPOPT,
-    **{f"warm_start_{each}": 1e-6 for each in _PUSHES},
-    "warm_start_init_point": "yes",
-    "compl_inf_tol": 1e-10,  # so small a barrier that active bounds are attained
-}
-
-# Multipliers of the constraint functions by kind: numbers of the instances, in increasing order,
-# and their multipliers, a row each.
-Multipliers: TypeAlias = Mapping[Hashable, tuple[Indices, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,45 +365,23 @@ class TrajectoryProgram:
         references: Sequence[Reference],
         watched: Watched,
         most: int,
-        before: tuple[Array, Multipliers] | None = None,
-    ) -> tuple[Outcome, tuple[Array, Multipliers]]:
-        """Return the solution near references, with the limits that are to be enforced, and its
-        multipliers.
+    ) -> Outcome:
+        """Return the solution near references, with the limits that are to be enforced.
 
         Args:
             start: states at the knots.
             references: references of the arms.
             watched: constraints.
             most: number of Ipopt's iterations.
-            before: multipliers of the bounds, and of other constraints at the same knots, if
-                `start` is a solution; it is tried without them if that fails.
         """
         x, blocks = self.as_x(start), list(self._blocks(start.durations, references, watched))
-        program = BlockProgram(x.size, [block for _, _, block in blocks])
-        numbers = {kind: each for kind, each, block in blocks if block.size_g}
-        shapes = [(block.count, block.terms.size_g) for _, _, block in blocks if block.size_g]
-        outcome = None
-        if before is not None:
-            lam_g = [np.zeros(shape) for shape in shapes]
-            for lam, (kind, own) in zip(lam_g, numbers.items(), strict=True):
-                known, values = before[1].get(kind, (own[:0], lam[:0]))
-                _, here, there = np.intersect1d(own, known, True, return_indices=True)
-                lam[here] = values[there]
-            guess = before[0], np.concatenate([each.ravel() for each in lam_g])
-            outcome = program.solve(x, self.bounds, {**_WARM_START, "max_iter": most}, guess)
-        if outcome is None or not outcome.success:
-            outcome = program.solve(x, self.bounds, {**_IPOPT, "max_iter": most})
-        parts = np.split(outcome.lam_g, np.cumsum([count * rows for count, rows in shapes])[:-1])
-        found = {
-            kind: (own, part.reshape(shape))
-            for (kind, own), part, shape in zip(numbers.items(), parts, shapes, strict=True)
-        }
-        return outcome, (outcome.lam_x, found)
+        options = {**_IPOPT, "max_iter": most}
+        return BlockProgram(x.size, blocks).solve(x, self.bounds, options)
 
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
-    ) -> Iterator[tuple[Hashable, Indices, Block]]:
-        """Yield kinds of terms, numbers of the instances of constraints, and blocks.
+    ) -> Iterator[Block]:
+        """Yield the terms of all arms, and the distances.
 
         Integrals are by the trapezoidal rule over durations (m,).
         """
@@ -424,31 +389,27 @@ class TrajectoryProgram:
         shares = np.convolve(steps, [0.5, 0.5]) / total
         distance = self.deviation_weight / _DISTANCE**2
         jerk = _JERK * _JERK_TIME**2 / (total * steps)
-        pieces = np.arange(steps.size)
-        yield "stretch", pieces, self._stretch(total)
+        yield self._stretch(total)
         for terms, reference, limits in zip(self.terms, references, watched.arms, strict=True):
-            arm = terms.first
-            yield (arm, "deviation"), pieces, terms.deviation(reference, shares, distance)
-            yield (arm, "motion"), pieces, terms.motion(jerk)
+            yield terms.deviation(reference, shares, distance)
+            yield terms.motion(jerk)
             for kind, pairs in limits.pieces.items():
-                numbers = pairs[:, 0] * terms.dof + pairs[:, 1]
-                yield (arm, kind), numbers, terms.between_knots(kind, pairs)
+                yield terms.between_knots(kind, pairs)
             rows = terms.torques, terms.torque_rates, terms.hand_speeds
             of_kind = dict(zip(SAMPLED, rows, strict=True))
             for kind, (numbers, allowed) in limits.sampled.items():
-                yield (arm, kind), numbers, of_kind[kind](numbers, allowed[numbers])
+                yield of_kind[kind](numbers, allowed[numbers])
             if not self.rest:
-                yield (arm, "end speeds"), pieces, terms.end_speeds()
+                yield terms.end_speeds()
         for index, knots in watched.knots.items():
             part = self.clearance.part(index)
             every = np.hstack([terms.indices(knots, 1) for terms in self.terms])
             values = np.tile(part.numbers, (knots.size, 1))
             lower = watched.distances[knots, index, None]
-            block = Block(
+            yield Block(
                 *(_distance(part.function), every[:, part.columns], values),
                 *(lower, np.full_like(lower, np.inf)),
             )
-            yield ("distance", index), knots, block
 
     def _stretch(self, total: float) -> Block:
         """Get the time beyond the person's, and its square, so that no interval bears all of it."""

@@ -17,6 +17,7 @@ from geodesic_ocp.blocks import at_rows, in_rounds
 from geodesic_ocp.cells import Indices
 from geodesic_ocp.execution.arm_paths import (
     INSIDE,
+    OUTSIDE,
     ArmPaths,
     JointSpline,
     Knots,
@@ -30,7 +31,6 @@ from geodesic_ocp.execution.arm_paths import (
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import QUANTITIES, LimitShares
 from geodesic_ocp.execution.trajectory_program import (
-    Multipliers,
     TrajectoryProgram,
     Watched,
     WatchedArm,
@@ -66,7 +66,7 @@ class ArmCheck:
         _, _, a, jerk = spline(spline.curve.x)
         growth = np.abs(a) / limits.acceleration
         return {
-            "position": 1.0 + beyond,
+            "position": 1.0 + OUTSIDE + beyond,
             "velocity": spline.extreme_velocities / limits.velocity,
             "acceleration": np.maximum(growth[:-1], growth[1:]),
             "jerk": np.abs(jerk[:-1]) / limits.jerk,
@@ -246,7 +246,6 @@ class TrajectoryAttempt:
         outcome: outcome of Ipopt.
         status: in words.
         iterations: iterations of Ipopt.
-        multipliers: multipliers of the program, see `TrajectoryProgram.solve`.
     """
 
     program: TrajectoryProgram
@@ -259,7 +258,6 @@ class TrajectoryAttempt:
     outcome: Outcome
     status: str
     iterations: int
-    multipliers: tuple[Array, Multipliers]
 
     @property
     def success(self) -> bool:
@@ -287,15 +285,8 @@ def solve_in_rounds(
     return replace(best, iterations=sum(attempt.iterations for attempt in attempts))
 
 
-# The program of a round with the states to start from, the references, its constraints, and
-# multipliers, if the states are the solution of the round before.
-_Start: TypeAlias = tuple[
-    TrajectoryProgram,
-    KnotStates,
-    Sequence[Reference],
-    Watched,
-    tuple[Array, Multipliers] | None,
-]
+# The program of a round with the states to start from, the references, and its constraints.
+_Start: TypeAlias = tuple[TrajectoryProgram, KnotStates, Sequence[Reference], Watched]
 
 
 def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> TrajectoryAttempt:
@@ -314,18 +305,17 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
             if attempts[-1].success:
                 return attempts[-1], None
         program, states = found.program, found.states
-        multipliers: tuple[Array, Multipliers] | None = found.multipliers
         fitting = Knots.spaced(program.knots.edges, states.durations)
         if number == 0 and abs(fitting.count / program.knots.count - 1.0) > _OTHER_COUNT:
             program, time = replace(program, knots=fitting), fitting.times(states.durations)
             splines = (np.array(check.spline(time)[:3]) for check in found.checks)
             states = KnotStates(states.durations, tuple(splines))
-            watched, multipliers = watched_at_first(program, states), None
+            watched = watched_at_first(program, states)
         else:
             watched = tightened(found)
         pairs = zip(program.terms, states.arms, strict=True)
         nearest = [terms.nearest(q) for terms, (q, _, _) in pairs]
-        return found, (program, states, nearest, watched, multipliers)
+        return found, (program, states, nearest, watched)
 
     found = in_rounds(first, solve, examine, MOST_ROUNDS)
     kept = next((each for each in reversed(attempts) if each.success), found)
@@ -333,10 +323,10 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
 
 
 def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
-    program, before, references, watched, known = start
-    outcome, multipliers = program.solve(before, references, watched, most, known)
+    program, before, references, watched = start
+    outcome = program.solve(before, references, watched, most)
     change = abs(program.states(outcome.x).durations.sum() / before.durations.sum() - 1.0)
-    return _checked(program, program.states(outcome.x), watched, change, outcome, multipliers)
+    return _checked(program, program.states(outcome.x), watched, change, outcome)
 
 
 def _slowed(found: TrajectoryAttempt) -> TrajectoryAttempt:
@@ -344,7 +334,7 @@ def _slowed(found: TrajectoryAttempt) -> TrajectoryAttempt:
     slower = 1.0 + found.excess
     arms = tuple(states / slower ** np.arange(3.0)[:, None, None] for states in found.states.arms)
     states = KnotStates(found.states.durations * slower, arms)
-    given = found.program, states, found.watched, found.excess, found.outcome, found.multipliers
+    given = found.program, states, found.watched, found.excess, found.outcome
     return replace(_checked(*given), iterations=0)
 
 
@@ -354,7 +344,6 @@ def _checked(
     watched: Watched,
     change: float,
     outcome: Outcome,
-    multipliers: tuple[Array, Multipliers],
 ) -> TrajectoryAttempt:
     """Return the attempt with these states at the knots, checked densely."""
     clearance = program.clearance
@@ -375,7 +364,7 @@ def _checked(
         status = f"{outcome.status}; {worst} by {excess:.2g}"
     return TrajectoryAttempt(
         *(program, states, watched, tuple(checks), distances, excess, change),
-        *(outcome, status, outcome.iterations, multipliers),
+        *(outcome, status, outcome.iterations),
     )
 
 
@@ -414,4 +403,4 @@ def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
     states = through(references, program.knots, more * durations, rest)
     pairs = zip(program.terms, references, strict=True)
     references = [terms.timed(reference) for terms, reference in pairs]
-    return program, states, references, watched_at_first(program, states), None
+    return program, states, references, watched_at_first(program, states)

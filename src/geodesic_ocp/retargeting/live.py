@@ -6,9 +6,9 @@ The steps of one tick are all causal, and their delays are known:
    the geodesic with its velocity leads to now: beyond, what it foresees is worth less than the
    accelerations that it costs the robot.
 2. The pose of the hand there is mapped to the robot as in `retarget`.
-3. Inverse kinematics follows it in steps of constant speed, which keep the limits of position,
-   speed and acceleration, as far as these allow of torque and of its rate, and as far as those do
-   of the hand's speed (`Tracker`).
+3. Inverse kinematics follows it in steps of constant speed (`Tracker`). A step is taken only if
+   the robot can still stop after it within the limits of position, speed, acceleration, torque,
+   torque rate and the hand's speed; else it is changed towards the stop found before (`Stops`).
 4. Two moving averages make these steps smooth, one over a step h and one over a time T. Limits are
    intervals, so that an average of motions within them is within them: the command keeps the limits
    as the steps do, and its jerk is at most 2 a / T, where a is the limit of acceleration. Averages
@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
 from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_start, joint_limits
+from geodesic_ocp.execution.stops import Stops
 from geodesic_ocp.execution.track_within_limits import Tracker
 from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model, as_model
@@ -40,7 +41,9 @@ _POWERS = np.arange(3.0)[:, None]
 _BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
 _DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altogether
 _DEFAULT = RetargetingSettings()
-_WITHIN = 0.95  # of limits that are kept where a step begins, for what changes in it
+# Shares of limits of torque rate and of the hand's speed within which a step is sought, and that it
+# keeps: averages of configurations have other torques.
+_SHARES = (0.85, 0.9), (0.9, 0.95)
 _GAP = 2.5  # steps without a sample, after which the person's motion begins anew
 
 
@@ -66,15 +69,16 @@ class LiveCommand(ShortRepr):
 class LiveRetargeting:
     """Retargeting of a person's motion while it goes on: a command for each sample.
 
-    The robot's hand follows that of the person. Commands have continuous accelerations and keep the
-    limits of position, speed, acceleration and jerk, whatever the samples are. Limits of torque and
-    of its rate are kept where these allow it, and that of the hand's speed where those do. The hand
-    stays behind where joints are too weak to hold the arm. Commands lag behind by `delay`,
-    and by more where the limits do not allow the person's speed. Distances between links or to
-    obstacles are not considered. At the beginning, and after a gap, a parallel gripper takes the
-    nearer one of both grasps. Synergies of the person are those of the online rule (`segment`), as
-    `segment_developed` needs the whole motion. They are closed as soon as it is certain (`cuts`):
-    0.1 s after they end, mostly, and the filter's 0.1 s.
+    The robot's hand follows that of the person. Commands have continuous accelerations and keep all
+    limits, whatever the samples are: of position, speed, acceleration, jerk, torque and its rate,
+    and of the hand's speed. A tenth of the limit of torque rates is left for what averages change,
+    some 5 N m/s where joints are fast, so that much smaller limits may be exceeded. The hand stays
+    behind where joints are too weak to hold the arm. Commands lag behind by `delay`, and by more
+    where the limits do not allow the person's speed.
+    Distances between links or to obstacles are not considered. At the beginning, and after a gap, a
+    parallel gripper takes the nearer one of both grasps. Synergies of the person are those of the
+    online rule (`segment`), as `segment_developed` needs the whole motion. They are closed as soon
+    as it is certain (`cuts`): 0.1 s after they end, mostly, and the filter's 0.1 s.
 
     >>> import numpy as np, geodesic_ocp as go
     >>> person, robot = go.human_arm("right"), go.human_arm("right", height=1.95)
@@ -131,17 +135,19 @@ class LiveRetargeting:
         rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
         q = checked_start(robot, start)
         self._gravity = gravity_on(target)
-        within = replace(
-            self.limits,
-            torque_rate=_WITHIN * self.limits.torque_rate,
-            hand_speed=_WITHIN * self.limits.hand_speed,
+        rates, speed = self.limits.torque_rate, self.limits.hand_speed
+        wanted, kept = (
+            replace(self.limits, torque_rate=first * rates, hand_speed=second * speed)
+            for first, second in _SHARES
         )
         self._tracker = Tracker(
-            *(robot, within, self._step, q),
+            *(robot, wanted, self._step, q),
             rows=rows,
             gravity=self._gravity,
             torque_share=settings.torque_share,
         )
+        self._stops = Stops(robot, kept, self._step, self._gravity)
+        self._stop = np.zeros((1, q.size))  # speeds with which it can come to rest
         limited = np.isfinite(self.limits.jerk)
         averaged = 2.0 * self.limits.acceleration[limited] / self.limits.jerk[limited]
         if not np.all(np.isfinite(averaged)):
@@ -156,13 +162,15 @@ class LiveRetargeting:
         # Functions are built and compiled now, not while the person moves.
         self._metric.kernels.available()
         rotations, positions = self.mapping(np.array([zero, zero]))
-        self._tracker.speeds(q, np.zeros(robot.dof), rotations[0], positions[0], np.zeros(6))
+        still = np.zeros(robot.dof)
+        self._tracker.speeds(q, still, rotations[0], positions[0], np.zeros(6))
+        self._stops.after(q, still, still, still, self._stop)
         self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
         self._time, self._ticks = -np.inf, 0
         self._begin, self._counted = 0.0, 0  # of steps without a pause, to check their rate
         self._target = q  # configuration after the steps of constant speed
         self._speeds = deque(np.zeros((self._count + 1, robot.dof)), maxlen=self._count + 1)
-        self.command = self._command(0.0, q, np.zeros(robot.dof), np.zeros(robot.dof))
+        self.command = self._command(0.0, q, still, still)
         self._force = self.command.torque  # where the last step of constant speed began
 
     def __repr__(self) -> str:
@@ -178,7 +186,7 @@ class LiveRetargeting:
         """Return the command for the end of the step that begins now.
 
         It is called once in every step of the robot. After a gap of more than two steps the robot
-        brakes and rests; with the next sample it goes on.
+        brakes and rests, after some 90 steps at most; with the next sample it goes on.
 
         Args:
             time: [s], later than in the step before; that of the sample.
@@ -213,9 +221,11 @@ class LiveRetargeting:
             turning = (turn - turn.T)[[2, 0, 1], [1, 2, 0]] / 2.0  # of small angles
             velocity = np.append(positions[1] - positions[0], turning) / self._step
             pose = rotations[0], positions[0]
-            speeds = self._tracker.speeds(self._target, before, *pose, velocity, force=self._force)
+            given = self._target, before, self._force
+            speeds = self._tracker.speeds(*given[:2], *pose, velocity, force=given[2])
+            speeds, self._stop = self._stops.after(*given, speeds, self._stop)
         else:
-            speeds = self._tracker.braking(self._target, before, self._force)
+            speeds, self._stop = self._stop[0], np.vstack([self._stop[1:], 0.0 * before])
         self._force = self._tracker.torques(self._target, before, speeds)
         self._target = self._target + self._step * speeds
         self._speeds.append(speeds)

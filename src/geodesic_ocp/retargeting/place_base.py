@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_vector
-from geodesic_ocp.blocks import Block, BlockProgram, Terms
-from geodesic_ocp.execution.clearance import Clearance, active_rows
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.joint_axes import upright
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.pose_search import rotation_log, stacked_error
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.candidates import (
     Candidates,
@@ -31,21 +28,15 @@ from geodesic_ocp.retargeting.candidates import (
 from geodesic_ocp.retargeting.paired_arm import (
     PairedArm,
     PoseMapping,
-    elbow_offset,
-    gravity_on,
-    has_elbow,
-    middle_of_ranges,
-    waist_turn,
 )
 from geodesic_ocp.retargeting.pairing import paired_arms
-from geodesic_ocp.retargeting.paths_program import TOO_NEAR, distance_terms, linear_terms
+from geodesic_ocp.retargeting.place_program import PlaceProgram, middle_of_shoulders, yawed
 from geodesic_ocp.retargeting.reachability import nearest_of_each, random_starts
-from geodesic_ocp.retargeting.settings import BEYOND, RetargetingSettings, motion_clearance
+from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_clearance
 from geodesic_ocp.retargeting.waypoints import (
     ArmWaypoints,
     ObjectiveWeights,
     arm_waypoints,
-    weakness,
 )
 from geodesic_ocp.synergies.analyse import Analysis
 
@@ -61,10 +52,6 @@ _ROUGHLY = 8  # from so many starts; for the best of these, from as many as else
 # The best one is improved until all poses are within reach, with these factors of positions, and
 # then with smaller ones where the scale is left to `retarget`.
 _SAME, _SMALLER = (1.0, 1.0), (0.95, 0.9)
-# From how far above its bound on a distance enters the program, [m] and by its bound: of links that
-# are always close, which have a small one, it would take long to say whether they are closer.
-_NEAR, _NEAR_BOUND = 0.02, 2.0
-_APART = 4  # programs at most, with more and more distances
 _TOLERANCE = 1e-6
 _WITHIN = 1e-4  # [m] and [rad]
 
@@ -334,8 +321,8 @@ class _BaseSearch:
         if not (np.any(place) or mirrored):
             return tuple(default)
         up = np.asarray(default[0].base)
-        base = up @ _yawed(-place[3])
-        turn, centre = base @ up.T, _centre(default)
+        base = up @ yawed(-place[3])
+        turn, centre = base @ up.T, middle_of_shoulders(default)
         found = []
         for each in default:
             shoulder = centre + turn @ (np.asarray(each.shoulder) - centre) - base @ place[:3]
@@ -376,6 +363,17 @@ class _BaseSearch:
     @cached_property
     def _lacks(self) -> Lacks | None:
         return own_lacks(self.clearance, self._default[:1], 0)
+
+    def _polished(self, start: _Mounted, factor: float) -> Array:
+        """Return the place improved by a program in place and configurations, which keeps links
+        apart, with a factor of positions.
+        """
+        aligned = self.alignments(np.zeros(4), start.mirrored)
+        arms, bounds = self._waypoints(aligned, factor), (self.lower, self.upper)
+        program = PlaceProgram(arms, self._weights, aligned, *bounds, self.clearance)
+        given = zip(start.arms, self._weights, start.layers, strict=True)
+        q = np.vstack([best_candidates(*each, self._lacks).q for each in given])
+        return np.clip(_rounded(program.solve(start.place, q)), *bounds)
 
     def _most_within_reach(self) -> list[tuple[Array, bool]]:
         """Return the places with the most poses within reach, of many that cover the bounds."""
@@ -438,98 +436,6 @@ class _BaseSearch:
         rotations, positions = map(np.concatenate, zip(*found, strict=True))
         return rotations, positions
 
-    def _polished(self, start: _Mounted, factor: float) -> Array:
-        """Return the place improved by a program in place and configurations, which keeps links
-        apart, with a factor of positions.
-        """
-        n, first = self.robot.dof, 4
-        aligned = self.alignments(np.zeros(4), start.mirrored)
-        default = self._waypoints(aligned, factor)
-        centre, base = _centre(aligned), np.asarray(aligned[0].base)
-        places, values, steps, lines = [], [], [], []
-        for arm, weights in zip(default, self._weights, strict=True):
-            rows = first + np.arange((arm.count + 1) * n).reshape(-1, n)
-            first += rows.size
-            for number, (row, pose) in enumerate(zip(rows, arm.poses, strict=True)):
-                offset, likeness = np.zeros(3 * len(arm.hands)), 0.0
-                if arm.offsets is not None:
-                    offset, likeness = arm.offsets[number], weights.likeness
-                thorax, as_turned = np.eye(3), 0.0
-                if arm.turns is not None:
-                    thorax, as_turned = arm.turns[number], weights.likeness
-                costs = np.array([likeness, weights.posture, as_turned]) / (arm.count + 1)
-                axes = base.ravel(order="F"), thorax.ravel(order="F")
-                values.append(np.hstack([pose.numbers, centre, offset, *axes, costs]))
-                places.append([0, 1, 2, 3, *row])
-            for number, duration in enumerate(arm.durations):
-                late = duration * weights.stretch / weights.duration
-                steps.append([*rows[number], *rows[number + 1]])
-                speed = arm.speed[number] * duration
-                lines.append([1.0 / (duration * weights.action), late, *(1.0 / speed)])
-        arm, torque = default[0], tuple(self.pairs[0].limits.torque.tolist())
-        misses = first + np.arange(len(places) * len(arm.rows)).reshape(len(places), -1)
-        exact = np.zeros(misses.shape)
-        terms = _pose_terms(arm.arm, arm.hands, aligned, arm.rows, torque)
-        blocks = [
-            Block(terms, np.hstack([places, misses]), np.array(values), exact, exact),
-            Block(_line_terms(arm.arm), np.array(steps), np.array(lines)),
-        ]
-        given = zip(start.arms, self._weights, start.layers, strict=True)
-        q = np.vstack([best_candidates(*each, self._lacks).q for each in given])
-        place, kept = start.place, dict[tuple[int, int], float]()
-        free, at = np.full(misses.size, np.inf), np.tile(place, (len(q), 1))
-        off = terms.at("value", np.hstack([at, q, exact]), np.array(values))[1]
-        missed = _EXACT * off.ravel()  # so that the start meets the equalities
-        lower = np.concatenate([self.lower, np.tile(arm.arm.lower, len(q)), -free])
-        upper = np.concatenate([self.upper, np.tile(arm.arm.upper, len(q)), free])
-        last = first + misses.size
-        for number in range(_APART):
-            more = self._small_distances(q)
-            if number and more.keys() <= kept.keys():
-                break
-            kept |= more
-            slack = np.zeros(len(kept))
-            bounds = np.append(lower, slack), np.append(upper, slack + np.inf)
-            program = BlockProgram(last + slack.size, blocks + self._distances(kept, last))
-            found = program.solve(np.hstack([place, q.ravel(), missed, slack]), bounds, _IPOPT)
-            place, q, missed, _ = np.split(found.x, [4, first, last])
-            q = q.reshape(-1, n)
-        return np.clip(_rounded(place), self.lower, self.upper)
-
-    def _small_distances(self, q: Array) -> dict[tuple[int, int], float]:
-        """Return bounds [m] of the distances that are small at configurations (k, n), by the
-        numbers of configuration and distance.
-        """
-        if self.clearance is None:
-            return {}
-        near = np.minimum(_NEAR, _NEAR_BOUND * self.clearance.lower)
-        active = active_rows(self.clearance, q, near)
-        pairs = zip(active.samples.tolist(), active.rows.tolist(), strict=True)
-        lower = active.lower - near[active.rows] + BEYOND
-        return dict(zip(pairs, lower.tolist(), strict=True))
-
-    def _distances(self, rows: Mapping[tuple[int, int], float], first: int) -> list[Block]:
-        """Return the blocks of distances, whose slacks are the variables from `first` on."""
-        groups: dict[ca.Function, list[tuple[Array, Array, float]]] = {}
-        for slack, ((sample, row), least) in enumerate(rows.items(), first):
-            assert self.clearance is not None
-            part = self.clearance.part(row)
-            columns = np.append(4 + self.robot.dof * sample + np.array(part.columns), slack)
-            groups.setdefault(part.function, []).append((columns, part.numbers, least))
-        blocks = []
-        for function, group in groups.items():
-            columns, numbers, lower = map(np.vstack, zip(*group, strict=True))
-            upper = np.full(lower.shape, np.inf)
-            blocks.append(Block(distance_terms(function), columns, numbers, lower, upper))
-        cost = np.full((len(rows), 1), 10.0 * TOO_NEAR)
-        linear = Block(linear_terms(), first + np.arange(len(rows))[:, None], cost)
-        return [*blocks, linear] if rows else []
-
-
-def _centre(alignments: Sequence[Alignment]) -> Array:
-    """Return the middle of the shoulders (3,) [m], about whose vertical the base is turned."""
-    return np.asarray(np.mean([np.asarray(each.shoulder) for each in alignments], axis=0))
-
 
 def _mappings(pair: PairedArm, alignments: Sequence[Alignment]) -> tuple[PoseMapping, ...]:
     """Return the mappings with other alignments of the robot's hands."""
@@ -547,69 +453,7 @@ def _at(pair: PairedArm, alignments: Sequence[Alignment], factor: float) -> Pair
     return replace(pair, mappings=_mappings(pair, alignments)).scaled(factor)
 
 
-_IPOPT = {"tol": 1e-4, "max_iter": 200, "mu_init": 1e-2, "mu_strategy": "adaptive"}
-_EXACT = 1e3  # root of the weight of squared pose errors [1/m], [1/rad]
-
-
 def _rounded(place: Array) -> Array:
     """Round to millimetres and a tenth of a degree, as a base can be set up."""
     shift, yaw = np.round(place[..., :3], 3), np.round(np.degrees(place[..., 3:]), 1)
     return np.concatenate([shift, np.radians(yaw)], axis=-1) + 0.0
-
-
-def _yawed(angle: float | ca.SX) -> ca.SX | Array:
-    """Return the rotation by an angle about z."""
-    if isinstance(angle, ca.SX):
-        c, s = ca.cos(angle), ca.sin(angle)
-        return ca.blockcat([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-@lru_cache(maxsize=16)
-def _pose_terms(
-    robot: Model,
-    hands: tuple[str, ...],
-    alignments: tuple[Alignment, ...],
-    rows: tuple[int, ...],
-    torque: tuple[float, ...],
-) -> Terms:
-    """Return pose errors, posture, weak joints, and the errors of elbows and waist, in place and
-    configuration; p as in `_polished`.
-    """
-    count = len(hands)
-    edges = np.cumsum([0, 3 * count, 9 * count, 3, 3 * count, 9, 9, 3]).tolist()
-    place, q, p = ca.SX.sym("place", 4), ca.SX.sym("q", robot.dof), ca.SX.sym("p", edges[-1])
-    positions, rotations, centre, offsets, base, thorax, weights = ca.vertsplit(p, edges)
-    base, thorax = ca.reshape(base, 3, 3), ca.reshape(thorax, 3, 3)
-    turned = base @ _yawed(-place[3])
-    turn, moved = turned @ base.T, centre - turned @ place[:3]
-    position = ca.vertcat(*(moved + turn @ (x - centre) for x in ca.vertsplit(positions, 3)))
-    rotation = ca.vertcat(
-        *(turn @ each for each in ca.vertsplit(ca.reshape(rotations, 3 * count, 3), 3))
-    )
-    error = stacked_error(robot, hands, q, position, rotation, ca.SX.eye(3))[list(rows)]
-    middle, half = middle_of_ranges(robot)
-    missed = ca.SX.sym("missed", len(rows))
-    cost = ca.sumsqr(missed) / 2.0 + weights[1] * ca.sumsqr((q - middle) / half) / robot.dof
-    cost += weakness(robot, q, torque, gravity_on(alignments[0]))
-    for alignment, offset in zip(alignments, ca.vertsplit(offsets, 3), strict=True):
-        if has_elbow(robot, alignment):
-            shoulder = moved + turn @ (np.asarray(alignment.shoulder) - centre)
-            off = elbow_offset(robot, alignment, q, shoulder) - turn @ offset
-            cost += weights[0] / count * ca.sumsqr(off)
-    if robot.shared_joints:
-        beside = turn @ thorax.T @ turn.T @ waist_turn(robot, q)
-        cost += weights[2] * ca.sumsqr(rotation_log(beside))
-    return Terms(ca.vertcat(place, q, missed), p, cost, error - missed / _EXACT)
-
-
-@lru_cache(maxsize=16)
-def _line_terms(robot: Model) -> Terms:
-    """Return action and lateness of the straight line between two configurations."""
-    n = robot.dof
-    z, p = ca.SX.sym("z", 2 * n), ca.SX.sym("p", 2 + n)
-    change = z[n:] - z[:n]
-    action = ca.bilin(robot.mass_matrix((z[:n] + z[n:]) / 2.0), change, change) / 2.0
-    late = ca.fmax(0.0, ca.fabs(change * p[2:]) - 1.0) ** 2
-    return Terms(z, p, action * p[0] + p[1] * ca.sum1(late))

@@ -58,6 +58,9 @@ _TOLERANCE = 1e-6
 _RATE = 100.0  # [Hz]
 _WORTH = 0.85  # of the cost through candidates, from which a turned gripper is tried first
 _SLOW, _SLOWEST = 1.5, 2.5  # times the person's time, of the motion and of a synergy: too slow
+# Times the person's time from which a program is tried in which time weighs so much more, if it
+# starts from lines that need at most this share of the time.
+_LATE, _HURRY, _QUICKER = 1.05, 10.0, 0.99
 
 
 @shows_progress
@@ -214,7 +217,8 @@ def retarget_arms(
         movable = len(bodies) == 1 and problem is SynergyPaths
         movable &= settings.position_weight > 0.0
         movable &= all(each is None for given in (alignments, starts) for each in given or ())
-        result, notes = plan.of_robot(bodies[0]) if movable else plan.constrained(pairs, problem)
+        found = plan.of_robot(bodies[0]) if movable else plan.constrained(pairs, problem)
+        result, notes = plan.hurried(*found)
     else:
         result, notes = plan.geodesic(pairs)
     report("done", len(pairs), len(pairs))
@@ -349,6 +353,25 @@ class _Plan:
         transfers = [transfers_on(pair, paths, each) for pair, each in zip(pairs, far, strict=True)]
         return self._in_time(pairs, bodies, far, transfers, paths, placement)
 
+    def hurried(self, result: Retargeting, notes: list[str]) -> tuple[Retargeting, list[str]]:
+        """Return the motion, or a quicker one by a program in which time weighs more, solved if the
+        motion is late and the limits allow the lines from which that starts in less time.
+        """
+        if result.paths is None or not result.success or result.stretch <= _LATE:
+            return result, notes
+        given, arms, bodies = result.paths.problem, result.arms, result.bodies
+        problem: Any = replace(given, stretch=_HURRY * given.stretch)
+        if problem.least_time() > _QUICKER * given.least_time():
+            return result, notes
+        paths, far = solve(problem, throw=False), [arm.out_of_reach for arm in arms]
+        transfers = [transfers_on(arm, paths, each) for arm, each in zip(arms, far, strict=True)]
+        placed = paths, arms[0].placement
+        tried = replace(self, throw=False)._in_time([*arms], [*bodies], far, transfers, *placed)
+        other, more = tried
+        if _success(other) >= _success(result):
+            return result, notes
+        return other, list(dict.fromkeys([*notes, *more]))
+
     def geodesic(self, pairs: list[PairedArm]) -> tuple[Retargeting, list[str]]:
         """Return the motion of all arms by free geodesics, one after the other."""
         if len({pair.body for pair in pairs}) < len(pairs):
@@ -416,10 +439,10 @@ def _times(result: Retargeting) -> str:
     return f"{missed} poses missed, {result.stretch:.3g} times the person's time, {slowest}"
 
 
-def _success(result: Retargeting) -> tuple[bool, int, float]:
-    """Return whether it failed, how many poses it misses, and how slow it is."""
+def _success(result: Retargeting) -> tuple[bool, int, float, float]:
+    """Return whether it failed, how many poses it misses, how much too slow it is, and its time."""
     missed = sum(len(arm.missed) for arm in result.arms)
-    return not result.success, missed, _slowness(result)
+    return not result.success, missed, max(1.0, _slowness(result)), result.stretch
 
 
 def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:

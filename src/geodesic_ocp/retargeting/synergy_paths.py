@@ -180,13 +180,7 @@ class SynergyPaths(ShortRepr, Problem):
         apart from there, it is tried from the shortest path that keeps distances, and from there
         with those distances from the beginning. Poses are given up last, in the best of these.
         """
-        edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in self.arms]))
-        layers = self.candidates or tuple(map(first_candidates, self.arms))
-        action = sum(least_action(arm, each) for arm, each in zip(self.arms, layers, strict=True))
-        unit = action if action > AT_REST else 1.0
-        weights = ObjectiveWeights(
-            unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, DETOUR
-        )
+        edges, layers, weights = self._edges, self._layers, self._weights
         dof = sum(arm.arm.dof for arm in self.arms)
         clearance = self.clearance or joined_clearance([], dof)
         rounds = _Rounds(clearance, edges, weights, self.tolerance)
@@ -221,6 +215,32 @@ class SynergyPaths(ShortRepr, Problem):
             lacking[best] = _lacking_distances(clearance, found[best].paths)
         iterations = sum(each.paths.iterations for each in found)
         return _planned(self, found[best].paths, lacking[best], rounds, iterations)
+
+    def least_time(self) -> float:
+        """Return the time [s] in which limits of speed and acceleration allow the straight lines at
+        which the program starts, without distances, and none in less than the person's time.
+        """
+        found = []
+        for arm, layers in zip(self.arms, self._layers, strict=True):
+            q = find_start(arm, self._weights, layers, None).q
+            needed = arm.needed_times(np.diff(q, axis=0)).max(axis=1)
+            found.append(float(np.maximum(needed, arm.durations).sum()))
+        return max(found)
+
+    @property
+    def _layers(self) -> tuple[tuple[Candidates, ...], ...]:
+        return self.candidates or tuple(map(first_candidates, self.arms))
+
+    @property
+    def _edges(self) -> Array:
+        return np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in self.arms]))
+
+    @property
+    def _weights(self) -> ObjectiveWeights:
+        pairs = zip(self.arms, self._layers, strict=True)
+        action, duration = sum(least_action(*pair) for pair in pairs), float(np.ptp(self._edges))
+        unit = action if action > AT_REST else 1.0
+        return ObjectiveWeights(unit, duration, self.stretch, self.posture, self.likeness, DETOUR)
 
     def _starts(
         self, layers: Sequence[Sequence[Candidates]], weights: ObjectiveWeights

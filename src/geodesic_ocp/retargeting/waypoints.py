@@ -189,6 +189,18 @@ class ArmWaypoints(ShortRepr):
         by_acceleration = self.limits.acceleration * self.durations[:, None] / _BRAKING
         return np.minimum(self.limits.velocity / _PEAK, by_acceleration)
 
+    def needed_times(self, changes: Array) -> Array:
+        """Return the least times (..., n) [s] in which joints move by changes (..., n), from rest
+        at one end through the other: with the largest acceleration up to the largest speed.
+
+        As neighbours help, and limits of jerk hinder, these predict the trajectory's times well.
+        """
+        v, a, way = self.limits.velocity, self.limits.acceleration, np.abs(changes)
+        with np.errstate(invalid="ignore"):  # without limits, no time is needed
+            reached = v / (2.0 * a)
+            times = np.where(way <= v * reached, np.sqrt(2.0 * way / a), way / v + reached)
+        return np.nan_to_num(times)
+
     @property
     def count(self) -> int:
         """Number m of movements."""
@@ -242,6 +254,18 @@ class ArmWaypoints(ShortRepr):
     def _alignments(self) -> tuple[Alignment, ...]:
         return (self.alignment, *self.others)
 
+    def likeness(self, number: int, weights: ObjectiveWeights) -> tuple[Array, Array, list[float]]:
+        """Return the elbows' offsets (3 h,) at a waypoint, the thorax's turn (9,), and the weights
+        of posture, offsets and turn; zero of what is not known.
+        """
+        offset, turn = np.zeros(3 * len(self.hands)), np.eye(3)
+        if self.offsets is not None:
+            offset = self.offsets[number]
+        if self.turns is not None:
+            turn = self.turns[number]
+        known = [weights.likeness * (each is not None) for each in (self.offsets, self.turns)]
+        return offset, turn.ravel(order="F"), [weights.posture, *known]
+
     def parameters(self, number: int, missed: Array, weights: ObjectiveWeights) -> Array:
         """Return parameters (k, .) of `terms` at a waypoint, whose costs are means over all
         waypoints.
@@ -252,15 +276,9 @@ class ArmWaypoints(ShortRepr):
             weights: weights of the objective.
         """
         pose, count = self.poses[number], len(self.hands)
-        offset, likeness = np.zeros(3 * count), 0.0
-        if self.offsets is not None:
-            offset, likeness = self.offsets[number], weights.likeness
-        turn, as_turned = np.eye(3), 0.0
-        if self.turns is not None:
-            turn, as_turned = self.turns[number], weights.likeness
+        offset, turn, own = self.likeness(number, weights)
         shoulders = [np.asarray(each.shoulder) for each in self._alignments]
-        parts = (pose.numbers, np.zeros(6 * count), offset, *shoulders, turn.ravel(order="F"))
-        own = [weights.posture, likeness, as_turned]
+        parts = pose.numbers, np.zeros(6 * count), offset, *shoulders, turn
         values = np.concatenate([*parts, gravity_on(self.alignment), own])
         found = np.tile(values, (len(missed), 1))
         rows = pose.numbers.size + np.array(self.rows)
