@@ -81,7 +81,7 @@ _WARM_START = {
 _CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
 # Rounds at most in which conditions are added, and how many solves of these may fail.
-_MOST_ROUNDS, _FAILURES = 20, 2
+_MOST_ROUNDS, _FAILURES = 30, 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 _Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 # Iterations of Ipopt after which no other guess is tried, and among many bodies, where each takes
