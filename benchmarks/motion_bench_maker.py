@@ -7,9 +7,9 @@ problems (`pip download --no-deps --no-binary :all: vamp-planner==0.6.4`; Apache
 them. The balls that the archive puts around the links are merged into capsules that contain them
 and are at most 5 mm wider; every joint has 0.1 kg m^2 of joint inertia. Boxes are `go.Box`, and
 cylinders are capsules that contain them, a radius longer at either end, or boxes, whichever is
-farther from start and goal. Every path, also a planner's, is checked by coal each 1e-3 rad or m,
-with the capsules of the links and the true boxes and cylinders: one that collides is not counted as
-solved.
+farther from start and goal. Joints stay within their limits. Every path, also a planner's, is
+checked each 1e-3 rad or m, by coal with the capsules of the links and the true boxes and cylinders,
+and against the limits of the URDF file: one that collides or leaves them is not counted as solved.
 
 Routes: the straight line as the only guess; `go.solve` with the guesses that it finds by itself;
 `go.solve(guess=path)` with the path of the planner of this file, RRT-Connect (Kuffner, LaValle,
@@ -63,6 +63,7 @@ ROBOTS: dict[str, dict[str, Any]] = {
 ARMATURE = 0.1  # [kg m^2]
 MARGIN = 1e-3  # [m] that programs keep between bodies
 STEP, CHECKED = 0.02, 1e-3  # [rad or m] between configurations that the planner and the check try
+OVER = 1.1e-4  # [rad or m] by which a path may leave a limit between nodes, where 1e-4 is promised
 ROUTES = ("line", "own guesses", "planner", "num_starts")
 
 
@@ -210,11 +211,16 @@ class World:
         return not any(self.collides(start + shares[k] * (end - start), True) for k in order)
 
     def check(self, curve: Callable[[np.ndarray], np.ndarray]) -> tuple[bool, float]:
-        """Whether a path is free each 1e-3 rad or m, and its least clearance [m] in 201 samples."""
+        """Whether a path is free and within the limits each 1e-3 rad or m, and its least clearance
+        [m] in 201 samples.
+        """
         rough = curve(np.linspace(0.0, 1.0, 2001))
         length = np.linalg.norm(np.diff(rough, axis=0), axis=1).sum()
         upto = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / CHECKED))))
-        free = not any(self.collides(q) for q in curve(upto))
+        every = curve(upto)
+        lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        free = np.all((every >= lower - OVER) & (every <= upper + OVER))
+        free = bool(free) and not any(map(self.collides, every))
         return free, min(self.clearance(q) for q in rough[::10])
 
 
@@ -376,6 +382,7 @@ class Robot:
             obstacles=[each.obstacle() for each in shapes],
             pairs=self.pairs,
             margin=MARGIN,
+            limits=True,
         )
 
 
@@ -457,7 +464,7 @@ def table(records: list[dict[str, Any]], routes: list[str]) -> str:
                 wrong = sum(each["solved"] for each in tried) - len(good)
                 times = [each["seconds"] for each in tried]
                 text = f"{len(good)}"
-                text += f" ({wrong} in collision)" if wrong else ""
+                text += f" ({wrong} in collision or over limits)" if wrong else ""
                 text += ", {:.2g}, {:.2g}".format(*np.quantile(times, [0.5, 0.95])) if times else ""
                 cells.append(text)
             best = [(each, _best(each, routes)) for each in planned]

@@ -72,6 +72,41 @@ def test_a_planner_leads_out_of_a_cup(on_line: bool) -> None:
     assert path(1.0)[: 2 - on_line] == pytest.approx([2.0, 0.0][: 2 - on_line])
 
 
+def test_a_tree_grows_along_what_blocks_it() -> None:
+    """One line towards the goal is blocked by a disc: others lead around it."""
+    problem = AmongDiscs()
+    space = guesses.FreeSpace(problem.definition())
+    start, goal = np.array([[-1.0, 0.0]]), np.array([[1.0, 0.0]])
+    assert not space.is_free(np.vstack([start, goal]))
+    found = guesses.connect(space, start, goal, (goal, goal), np.random.default_rng(0), 1)
+    assert found is not None
+    assert np.array_equal(found[[0, -1]], np.vstack([start, goal]))
+    assert problem.clearance(go.Path.through(problem.metric, found)) > -2e-3
+
+
+def test_shortcuts_straighten_single_coordinates() -> None:
+    """Between walls nothing else is free, but the third coordinate need not turn."""
+    wall = tuple((x, 0.0, 0.3) for x in np.linspace(-0.6, 0.6, 7))
+
+    class Turning(AmongDiscs):
+        @property
+        def metric(self) -> go.Metric:
+            return go.Euclidean(3)
+
+        def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+            return [(q0, (-1.0, 0.0, 0.0)), (q1, (1.0, 0.0, 0.0))]
+
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return super().constraints(q[:2], v)
+
+    space = guesses.FreeSpace(Turning(wall).definition())
+    q = np.array([(-1, 0, 0), (-0.9, 0.31, 3), (0, 0.31, -3), (0.9, 0.31, 3), (1, 0, 0)], float)
+    found = guesses.shortcut(space, q, np.random.default_rng(0))
+    assert space.is_free(found)
+    assert np.array_equal(found[[0, -1]], q[[0, -1]])
+    assert np.abs(found[:, 2]).max() < 0.1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("on_line", [False, True])
 def test_a_straight_line_out_of_a_cup_is_no_end(on_line: bool) -> None:

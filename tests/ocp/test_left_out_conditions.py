@@ -80,6 +80,31 @@ def test_a_path_beside_thin_bodies_does_not_jump_over_them() -> None:
     assert solution.path.length == pytest.approx(shortest, rel=1e-4)
 
 
+@dataclass(frozen=True)
+class Below(PlaneAmongDiscs):
+    """With a limit that leaves a gap of 5 cm above a wall of discs 6 cm in radius."""
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
+        return [((-2.0, -1.0), q, (2.0, 0.91), "limits"), *super().constraints(q, v)]
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_paths_among_bodies_stay_within_limits(is_given: bool) -> None:
+    """Those from waypoints and from guesses that `solve` finds; their iterations are all counted
+    where there is one guess.
+    """
+    problem = Below(centres=WALL, radii=(0.06,) * len(WALL))
+    corners = [(-1.0, 0.0), (-0.5, 0.9), (0.5, 0.9), (1.0, 0.0)]
+    guess = go.Path.through(problem.metric, corners) if is_given else None
+    numbers = list[int]()
+    solution = go.solve(problem, guess=guess, callback=lambda each: numbers.append(each.number))
+    q = solution.path(np.linspace(0.0, 1.0, 5001))
+    assert 0.86 - 1e-4 < q[:, 1].max() < 0.91 + 1e-4
+    assert np.linalg.norm(q[:, None] - WALL, axis=2).min() > 0.06 - 1e-4
+    if is_given:
+        assert solution.stats.total_iterations == np.count_nonzero(numbers)
+
+
 def test_every_step_of_a_descent_stays_clear(monkeypatch: pytest.MonkeyPatch) -> None:
     """With discs a hundredth as thick as a step is long, from a path that enters one by 2 cm."""
     problem, _ = beside_wall()
@@ -150,7 +175,7 @@ def test_conditions_are_linearized_at_all_samples_near_their_bounds(arm: go.Mode
 def test_a_search_among_many_bodies_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, guess = beside_wall()
     needed = go.solve(problem, guess=guess).stats.total_iterations
-    monkeypatch.setattr(solver_module, "MOST_ITERATIONS", needed // 2)
+    monkeypatch.setattr(solver_module, "_MOST_AMONG_MANY", needed // 2)
     with pytest.raises(go.NotConverged, match=f"in {needed // 2} iterations") as error:
         go.solve(problem, guess=guess)
     assert error.value.solution.stats.total_iterations < needed  # type: ignore[attr-defined]

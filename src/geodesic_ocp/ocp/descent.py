@@ -25,12 +25,12 @@ from geodesic_ocp.trajectory.path import Path
 
 _CLEAR = 3e-3  # violation anywhere on a path
 _BETTER = 0.95  # of the violation before, if that was larger
-_CORRECTED = 0.2  # of a violation, by one step
+_CORRECTED = 0.2  # of a violation that is larger, by one step
 _RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.3  # [rad or m], in problems as large as a robot's
 _LARGE = 10.0  # extent of a path [rad or m] that is larger than a robot's
 _WIDER, _NARROWER = 1.3, 1.5  # factors, the one where nodes move by this share of the radius
 _FAR = 0.7
-_STEPS, _LAST = 80, 2e-3  # relative decrease of the energy by the last step
+_STEPS, _LAST = 80, 5e-3  # relative decrease of the energy by the last step
 _PRECISION = 3e-3  # of a step, of the decrease of the energy by the one before
 _LEAST_SHARE, _REACH = 0.1, 3.0  # conditions that may count, as in `PathSamples.linearized`
 _AT_FIRST = 0.1  # of what a step may change: conditions that are part of its first program
@@ -68,16 +68,16 @@ def descend(definition: ProblemDefinition, solve: Solve, path: Path) -> tuple[Pa
     energy, violation = path.discrete_energy, _violation(samples, path)
     decrease, last = 1.0, None
     for _ in range(_STEPS):
-        step = _step(without, samples, path, radius, _PRECISION * decrease, solve)
+        allowed = max(_CLEAR, _BETTER * violation)
+        step = _step(without, samples, path, radius, allowed, _PRECISION * decrease, solve)
         last = step if last is None else with_effort_of(last.stats, step)
         if last.stats.status == STOPPED:
             break
         ends = [step.path, Path(path.metric, path.grid, (path.nodes + step.path.nodes) / 2.0)]
-        allowed = max(_CLEAR, _BETTER * violation)
         tried = ((after, _violation(samples, after)) for after in ends if step.stats.success)
         taken, found = next((each for each in tried if each[1] <= allowed), (None, violation))
         is_whole, is_last = taken is step.path, False
-        if not is_whole:
+        if not is_whole or step.path.discrete_energy > energy:
             radius /= _NARROWER
         elif is_at_edge(path, step.path, _FAR * radius):
             radius = min(_WIDER * radius, _MOST * size)
@@ -100,13 +100,14 @@ def _step(
     samples: PathSamples,
     path: Path,
     radius: float,
+    allowed: float,
     tolerance: float,
     solve: Solve,
 ) -> Solution:
     """Return the solution of one step, of the definition without conditions in q along the path.
 
     Of the linear conditions, those enter that are nearly met with equality, and then those that the
-    solution violates.
+    solution violates, while the path violates its conditions by more than is allowed.
     """
     nlp, grid = build_nlp(definition, path.grid, path), path.grid
     extent = max(float(np.ptp(path.nodes, axis=0).max()), radius)
@@ -116,7 +117,7 @@ def _step(
     free = np.any(nlp.bounds.lower < nlp.bounds.upper, axis=1)
     near = (excess > -change) & np.any(weights[:, free] != 0.0, axis=1)
     excess, slopes, weights, change = (each[near] for each in (excess, slopes, weights, change))
-    most = np.where(excess > 0.0, -_CORRECTED * excess, -excess)
+    most = -np.minimum(excess, np.maximum(_CLEAR, _CORRECTED * excess))
     chosen = excess > -_AT_FIRST * change
 
     def solve_with(before: Solution | None) -> Solution:
@@ -127,9 +128,11 @@ def _step(
 
     def examine(number: int, found: Solution) -> tuple[Solution, Solution | None]:
         nonlocal chosen
+        if not found.stats.success or _violation(samples, found.path) <= allowed:
+            return found, None
         moved = weights @ (found.path.nodes - path.nodes)
         added = ((slopes * moved).sum(axis=1) > most + _NEGLIGIBLE) & ~chosen
         chosen = chosen | added
-        return found, found if found.stats.success and np.any(added) else None
+        return found, found if np.any(added) else None
 
     return in_rounds(None, solve_with, examine, _ROUNDS)

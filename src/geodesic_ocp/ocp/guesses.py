@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -42,12 +43,13 @@ _LONGEST = 0.3  # step of a node [rad or m]
 _DEFORMATIONS = 5  # paths that are checked on the way from one path to another
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
 # The planner.
-_SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 150
+_SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 300
 _AMONG_MANY = 3  # times as many samples among many bodies, where the straight line leads nowhere
 _REACH = 1.5  # [rad or m]: longest line towards a sample
 _NEARBY = 0.2  # of the range of a constraint's values: nearer ones count
 _SPACING = 0.05  # [rad or m] between checks along a line
 _EACH = 8  # every so many of them become nodes of a tree
+_LINES, _SLIDE, _AWAY = 6, 0.5, 2e-3  # towards a sample, [rad or m], away from what blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,23 +124,41 @@ class FreeSpace:
         excess = self.excess(between.reshape(-1, paths.shape[2])).reshape(len(paths), -1)
         return np.asarray(excess.max(axis=1) <= _CLEAR)
 
-    def is_free(self, start: Array, end: Array) -> bool:
-        """Return whether a straight line is free, its ends not counted."""
-        return len(self.prefix(start, end)) == _num_steps(start, end)
+    def is_free(self, waypoints: Array) -> bool:
+        """Return whether straight lines between waypoints (m, n) are free, the first excepted."""
+        every = np.vstack([_line(*each) for each in pairwise(waypoints)])
+        return self.num_free(every) == len(every)
 
-    def prefix(self, start: Array, end: Array) -> Array:
-        """Return configurations (k, n) from the start, excluded, along a line until it is
-        blocked.
-        """
-        count = _num_steps(start, end)
-        every = start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start)
+    def num_free(self, every: Array) -> int:
+        """Return the number of configurations (k, n) before the first that is not free."""
         first, at_once = 0, 4  # most lines are blocked soon
         while first < len(every):
-            blocked = self.excess(every[first : first + at_once]) > _CLEAR
-            if np.any(blocked):
-                every = every[: first + int(np.argmax(blocked))]
+            q, known = every[first : first + at_once], dict[Terms, Array]()
+            free = _before(np.maximum(self.bounds.lower[1] - q, q - self.bounds.upper[1]))
+            for group in self._groups if free else ():
+                known = {terms: each[:free] for terms, each in known.items()}
+                free = _before(np.maximum(*self._sides(group, q[:free], known)))
+                if not free:
+                    break
+            if free < len(q):
+                return first + free
             first, at_once = first + at_once, 2 * at_once
-        return np.asarray(every)
+        return len(every)
+
+    def beside(self, free: Array, blocked: Array, q: Array) -> Array | None:
+        """Return a configuration beside a blocked one, on the way to q along what blocks it; None
+        if it is in the way (retraction: Zhang and Manocha, ICRA 2008).
+        """
+        excess, slopes = (each[0] for each in self.outward(blocked[None]))
+        square = slopes @ slopes
+        if not 0.0 < excess < np.inf or square <= _TINY:
+            return None
+        along = q - free - max(0.0, (q - free) @ slopes) / square * slopes
+        length = np.linalg.norm(along)
+        if length < _SPACING:
+            return None
+        end = free + min(1.0, _SLIDE / length) * along - (excess + _AWAY) / square * slopes
+        return np.asarray(np.clip(end, self.bounds.lower[1], self.bounds.upper[1]))
 
     def ends(self, at_end: bool, rng: np.random.Generator, box: tuple[Array, Array]) -> Array:
         """Return free configurations (k, n) of one end, from random starts if it is not fixed.
@@ -165,8 +185,16 @@ class FreeSpace:
         return q[np.argsort(distances)[:_GOALS]]
 
 
-def _num_steps(start: Array, end: Array) -> int:
-    return max(1, int(np.ceil(np.linalg.norm(end - start) / _SPACING)))
+def _before(excess: Array) -> int:
+    """Return the number of rows (k, m) before the first with a violation; NaN is one."""
+    blocked = ~np.all(excess <= _CLEAR, axis=1)
+    return int(np.argmax(blocked)) if np.any(blocked) else len(blocked)
+
+
+def _line(start: Array, end: Array) -> Array:
+    """Return configurations (k, n) from the start, excluded, to the end."""
+    count = max(1, int(np.ceil(np.linalg.norm(end - start) / _SPACING)))
+    return np.asarray(start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start))
 
 
 class _EndSteps:
@@ -400,21 +428,30 @@ class _Tree:
         self.q, self._parents = roots, [-1] * len(roots)
 
     def grow(self, space: FreeSpace, q: Array, longest: float) -> tuple[int, bool]:
-        """Extend the nearest node towards a configuration; its last node, and whether it is
-        reached.
+        """Extend the nearest node towards a configuration, and where that is blocked, along what
+        blocks it; its last node, and whether the configuration is reached.
         """
-        node = int(np.argmin(np.sum((self.q - q) ** 2, axis=1)))
-        start = self.q[node]
-        distance = float(np.linalg.norm(q - start))
-        end = start + (q - start) * min(1.0, longest / max(distance, _SPACING))
-        line = space.prefix(start, end)
-        reached = len(line) == _num_steps(start, end) and longest >= distance
-        new = np.vstack([line[_EACH - 1 : -1 : _EACH], line[-1:]])
-        if len(new):
-            self._parents += [node, *range(len(self.q), len(self.q) + len(new) - 1)]
-            self.q = np.vstack([self.q, new])
-            node = len(self.q) - 1
-        return node, reached
+        node, reached = int(np.argmin(np.sum((self.q - q) ** 2, axis=1))), False
+        distance = float(np.linalg.norm(q - self.q[node]))
+        target = q
+        if longest < distance:
+            target = self.q[node] + longest / distance * (q - self.q[node])
+        end: Array | None = target
+        for _ in range(_LINES):
+            if end is None or reached:
+                break
+            every = _line(self.q[node], end)
+            line = every[: space.num_free(every)]
+            new = np.vstack([line[_EACH - 1 : -1 : _EACH], line[-1:]])
+            if len(new):
+                self._parents += [node, *range(len(self.q), len(self.q) + len(new) - 1)]
+                self.q = np.vstack([self.q, new])
+                node = len(self.q) - 1
+            if len(line) < len(every):
+                end = space.beside(self.q[node], every[len(line)], target)
+            else:
+                reached, end = end is target, target
+        return node, reached and target is q
 
     def branch(self, node: int) -> list[Array]:
         """Return the configurations from a node to its root."""
@@ -438,20 +475,25 @@ def connect(
     """
     trees = _Tree(starts), _Tree(goals)
     for number in range(samples):
-        one, other = trees[number % 2], trees[1 - number % 2]
-        sample = rng.uniform(*box) if number > 1 else other.q[0]
+        one, other = sorted(trees, key=lambda each: len(each.q))  # the smaller one is in narrows
+        size, sample = len(one.q), rng.uniform(*box) if number else other.q[0]
         node, _ = one.grow(space, sample, _REACH)
+        if len(one.q) == size:
+            continue
         met, reached = other.grow(space, one.q[node], np.inf)
         if reached:
             first, last = one.branch(node), other.branch(met)
             joined = [*first[::-1], *last[1:]]
-            return np.array(joined if number % 2 == 0 else joined[::-1])
+            return np.array(joined if one is trees[0] else joined[::-1])
     return None
 
 
 def shortcut(space: FreeSpace, waypoints: Array, rng: np.random.Generator) -> Array:
-    """Return free waypoints (m, n) with parts replaced by straight lines where these are free."""
+    """Return free waypoints (m, n), parts of which are replaced by straight lines where these are
+    free, in all coordinates or in one (Geraerts and Overmars, Int. J. Robotics Research 26, 2007).
+    """
     q = waypoints
+    n = q.shape[1]
     for _ in range(_SHORTCUTS):
         if len(q) < 3:
             break
@@ -461,6 +503,10 @@ def shortcut(space: FreeSpace, waypoints: Array, rng: np.random.Generator) -> Ar
         if first == last:
             continue
         ends = np.column_stack([np.interp(places, upto, column) for column in q.T])
-        if space.is_free(ends[0], ends[1]):
+        if (one := rng.integers(2 * n)) < n:
+            ends = np.vstack([ends[0], q[first:last], ends[1]])
+            at = [places[0], *upto[first:last], places[1]]
+            ends[:, one] = np.interp(at, places, ends[[0, -1], one])
+        if space.is_free(ends):
             q = np.vstack([q[:first], ends, q[last:]])
     return q

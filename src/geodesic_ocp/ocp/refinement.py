@@ -39,6 +39,7 @@ _FRACTION = 0.1
 _MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.
 _PATIENCE, _WORSE = 3, 1.2
+_STALE = 6  # rounds in which violations between nodes must halve
 
 
 class SolveOn(Protocol):
@@ -147,7 +148,7 @@ def _halved_until_fine(
             before = stats.mesh_history[-2:][0].objective
             jumps = stats.objective > _WORSE * before > 0.0
             amounts = [each.max_path_violation for each in stats.mesh_history]
-            stays = amounts[-1] > amounts[:-_PATIENCE][-1] / 2.0 if number >= _PATIENCE else False
+            stays = number >= _STALE and amounts[-1] > amounts[-1 - _STALE] / 2.0
             diverged = jumps or stays or min(path.grid.widths) < _NARROWEST
         else:
             is_settled = change <= tolerance * abs(stats.objective)

@@ -59,9 +59,9 @@ _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 _BESIDE = {**_NEAR, "mu_init": 1e-3}
 FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
 # Among many bodies, nodes of a solution move by at most this [rad or m] from one program to the
-# next, `_GROWTH` times as far where they did, and less after a failure: from a small barrier,
-# Ipopt's first steps may lead far away, and through thin bodies.
-_WITHIN, _CLOSEST, _FARTHEST, _GROWTH = 0.02, 0.003, 0.1, 3.0
+# next, `_GROWTH` times as far where they did, and less after a failure, from which it grows by
+# `_AGAIN`: from a small barrier, Ipopt's first steps may lead far away, and through thin bodies.
+_WITHIN, _CLOSEST, _FARTHEST, _GROWTH, _AGAIN = 0.02, 0.003, 0.1, 3.0, 1.5
 _NEARBY = 0.03  # rows for such steps: bounds within this share of the range of a condition's values
 _SMALL_BARRIER = 1e-6  # from a solution on a coarser grid among many bodies
 _NEARLY_CLEAR = 3e-2  # violation along a path from which steps lead to a clear one
@@ -85,12 +85,12 @@ _WARM_START = {
 _CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
 # Rounds at most in which conditions are added, and how many solves of these may fail.
-_MOST_ROUNDS, _FAILURES = 20, 2
+_MOST_ROUNDS, _FAILURES = 30, 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 _Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 # Iterations of Ipopt after which no other guess is tried, and among many bodies, where each takes
 # long, no other program; where variables and rows are more than `_SIZE`, they count for more.
-MOST_ITERATIONS, _SIZE = 2000, 2000
+MOST_ITERATIONS, _MOST_AMONG_MANY, _SIZE = 2000, 3000, 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Solver:
     ipopt: Mapping[str, Any]
     callback: Callback | None
     tolerance: float
-    is_bounded: bool = False  # whether all solves together end after `MOST_ITERATIONS`
+    is_bounded: bool = False  # whether all solves together end after `_MOST_AMONG_MANY`
     spent: list[int] = field(default_factory=list)  # iterations of all solves
     within: float = np.inf  # how far [rad or m] nodes may move from a guess
 
@@ -129,18 +129,22 @@ class Solver:
         is_near = stays or isinstance(guess, Solution)
         given = guess.path if isinstance(guess, Solution) else guess
         path = self.definition.initial_path(grid, given)
-        within, share, size = np.inf, MAY_CHANGE, size_of(path)
+        within, share, size, growth = np.inf, MAY_CHANGE, size_of(path), _GROWTH
         if is_near:
             within, share = _WITHIN * size, _NEARBY
         first = self.definition.restricted(joined(known, may_become_active(whole, path, share)))
 
+        last: Solution | None = None
+
         def solve(start: _Start) -> Solution:
+            nonlocal last
             definition, guess = start
-            solver = replace(self, definition=definition, within=within)
-            return solver._solve_on(grid, guess)
+            found = replace(self, definition=definition, within=within)._solve_on(grid, guess)
+            last = found if last is None else with_effort_of(last.stats, found)
+            return last
 
         def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
-            nonlocal path, within
+            nonlocal path, within, growth
             kept, is_held = found.iterate.nlp.conditions.kept, is_at_edge(path, found.path, within)
             missing = left_out(whole, kept, found.path)
             failed, is_closest = not found.stats.success, within <= _CLOSEST * size
@@ -156,11 +160,12 @@ class Solver:
             near = {} if strays else may_become_active(whole, found.path, share)
             more = self.definition.restricted(joined(kept, missing, near))
             if strays or failed:
-                within /= _GROWTH
+                within, growth = within / _GROWTH, _AGAIN
                 return found, (more, path if is_near else guess)
             path = found.path
-            within *= _GROWTH if is_held and within < _FARTHEST * size else 1.0
-            return found, (more, found)
+            within *= growth if is_held and within < _FARTHEST * size else 1.0
+            # Where it moves on, multipliers of the path before mislead Ipopt.
+            return found, (more, path if is_held else found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
 
@@ -198,11 +203,11 @@ class Solver:
             if nlp.violation <= _NEARLY and (multipliers := _multipliers(nlp, guess)):
                 warm = {**_NEAR, **_WARM_START}
                 if is_held:
-                    warm["mu_init"] = _SMALL_BARRIER
-                if nlp.violation > _CHANGED or (is_held and guess.path.grid == grid):
+                    warm |= {"mu_init": _SMALL_BARRIER, "max_iter": _FEW_ITERATIONS}
+                if nlp.violation > _CHANGED:
                     warm["mu_init"] = _MODERATE_BARRIER
                 found = self._solve_nlp(nlp, warm, multipliers)
-                if not found.stats.success and found.stats.status != STOPPED:
+                if not (found.stats.success or found.stats.status == STOPPED or is_held):
                     found = with_effort_of(found.stats, self._solve_nlp(nlp, near))
             else:
                 found = self._solve_nlp(nlp, near)
@@ -256,7 +261,7 @@ class Solver:
         values["lbx"] = np.maximum(values["lbx"], values["x0"] - farthest)
         values["ubx"] = np.minimum(values["ubx"], values["x0"] + farthest)
         given = {**_FILTER, **_SYSTEMS, "tol": self.tolerance, **usual, **self.ipopt}
-        if is_spent := self.is_bounded and sum(self.spent) > MOST_ITERATIONS:
+        if is_spent := self.is_bounded and sum(self.spent) > _MOST_AMONG_MANY:
             given["max_iter"] = 0
         settings = tuple(sorted(given.items()))
         try:
@@ -274,7 +279,7 @@ class Solver:
         size = (outcome.x.size + outcome.g.size) / _SIZE
         self.spent.append(int(outcome.iterations * max(1.0, size)))
         if is_spent and not outcome.success:
-            status = f"no solution was found in {MOST_ITERATIONS} iterations of Ipopt"
+            status = f"no solution was found in {_MOST_AMONG_MANY} iterations of Ipopt"
             outcome = replace(outcome, status=status)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
