@@ -274,7 +274,7 @@ def _check_refinable(conditions: Conditions) -> None:
 
 def _ipopt_tolerance(tolerance: float | None) -> float:
     """Return Ipopt's tolerance, in the scale of the energy, for a tolerance of the path."""
-    return TIGHT if tolerance is None else float(np.clip(tolerance / 100.0, TIGHT, MODERATE))
+    return TIGHT if tolerance is None else float(np.clip(tolerance / 10.0, TIGHT, MODERATE))
 
 
 @dataclass(frozen=True, eq=False)

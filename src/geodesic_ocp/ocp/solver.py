@@ -36,7 +36,7 @@ from geodesic_ocp.trajectory.path import Path
 # With a free end, polynomials of a higher degree need an initial guess, solved on this grid.
 _STIFF, _COARSE = 8, Grid(4, 4)
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
-LOOSE, MODERATE, TIGHT = 1e-6, 1e-8, 1e-10
+LOOSE, MODERATE, TIGHT = 1e-6, 1e-7, 1e-10
 _ROUGH = 1e-4  # of a step of a descent, at most
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
@@ -75,7 +75,7 @@ _WARM_START = {
     "warm_start_slack_bound_push": 1e-8,
     "warm_start_slack_bound_frac": 1e-8,
     "warm_start_mult_bound_push": 1e-8,
-    "mu_init": 1e-9,
+    "mu_init": 3e-9,
     "max_iter": 40,
 }
 
