@@ -75,7 +75,7 @@ _WARM_START = {
     "warm_start_slack_bound_push": 1e-8,
     "warm_start_slack_bound_frac": 1e-8,
     "warm_start_mult_bound_push": 1e-8,
-    "mu_init": 3e-9,
+    "mu_init": 1e-9,
     "max_iter": 40,
 }
 
