@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.retargeting.paired_arm import REACHED
+from geodesic_ocp.retargeting.result import nearer_than_margin
 
 
 @pytest.fixture(scope="module")
@@ -518,6 +520,49 @@ def test_on_panda(analysis: go.Analysis) -> None:
     statistics = arm.statistics
     assert statistics["synergies"].action < statistics["ik"].action
     assert statistics["synergies"].peak_speed <= 1.001
+
+
+@pytest.mark.slow
+@needs_robots
+def test_torques_beyond_the_share_are_named(analysis: go.Analysis) -> None:
+    robot, share = go.load_model("talos-right-arm"), 0.2
+    settings = go.RetargetingSettings(torque_share=share)
+    with pytest.warns(UserWarning, match="more than the share of 0.2") as told:
+        found = go.retarget(analysis, robot, settings=settings)
+    said = " ".join(str(each.message) for each in told)
+    taken = np.abs(found.trajectory.efforts).max(axis=0) / found.arms[0].limits.torque
+    assert found.success
+    for joint, most in zip(robot.joint_names, taken, strict=True):
+        assert (f"{joint} takes {most:.3g} of its torque limit" in said) == (most > 1.001 * share)
+
+
+@pytest.mark.slow
+@needs_robots
+def test_links_that_need_not_keep_the_margin_are_named_where_they_are_nearer() -> None:
+    """Capsules of two pairs of Talos' links overlap in most configurations."""
+    robot, margin = go.load_model("talos-right-arm"), 0.01
+    pairs = go.execution.link_pairs(robot, margin=margin)
+    names = pairs.exact_only[1]
+    q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (100, robot.dof))
+    reports = [go.execution.trajectory_clearance(robot, each[None], pairs=pairs) for each in q]
+    distances = [
+        next((p.distance for p in each.closest if (p.one, p.other) == names), np.inf)
+        for each in reports
+    ]
+    between = [k for k, each in enumerate(distances) if 0.001 < each < 0.95 * margin]
+    far = int(np.argmax([each if np.isfinite(each) else 0.0 for each in distances]))
+    assert distances[far] > 1.05 * margin
+    for k, is_named in ((between[0], True), (far, False)):
+        result: Any = SimpleNamespace(
+            settings=go.RetargetingSettings(margin=margin),
+            bodies=[SimpleNamespace(robot=robot)],
+            clearance="given",
+            trajectory=SimpleNamespace(positions=q[[k]], time=[0.0]),
+        )
+        said = [each for each in nearer_than_margin(result) if " to ".join(names) in each]
+        assert bool(said) == is_named
+        if is_named:
+            assert f"as near as {1e3 * distances[k]:.2g} mm" in said[0]
 
 
 @pytest.mark.slow

@@ -44,7 +44,10 @@ from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import time_law
 
 OUT_OF_REACH = "the pose is out of reach; the path ends near it"
-TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
+TOO_NEAR = (
+    "links would come too near each other or an obstacle at the pose; the path ends at the nearest "
+    "one that is clear"
+)
 OTHER_HAND = "the path ends near the pose, as another hand's is missed"
 NEAR_MISS = "the path ends near the pose, which it would attain by a detour only"
 

@@ -44,7 +44,8 @@ class RetargetingSettings(ShortRepr):
         speed_limits: meet the limits of the joints on speed, acceleration, jerk and torque, by the
             choice of the configurations and by taking more time than the person.
         torque_share: fraction of the torque limits that the motion may use; the rest serves a
-            controller against errors of the model.
+            controller against errors of the model. A joint may take 1.5 times what holds the arm,
+            up to its limit, where that is more, and a note says so.
         rest: begin and end at rest; otherwise at the person's speed.
         rotor_inertia: add known or default inertia of the motors where the robot's file states no
             joint inertia.
@@ -79,7 +80,8 @@ class RetargetingSettings(ShortRepr):
         links: names of the links that are kept clear of obstacles; see `Reach`.
         pairs: pairs of links kept apart, in place of the pairs found for `self_collision`; see
             `execution.link_pairs`.
-        margin: smallest distance allowed between links [m].
+        margin: smallest distance allowed between links [m]. Links near each other in most
+            configurations need not keep it, but 2 mm; a note names those that come nearer.
         obstacle_margin: smallest distance allowed to obstacles [m]; default: that between links.
         num_starts: number of geodesics sought for each synergy in the formulation "geodesic", of
             which the geodesic of least energy is taken.
@@ -223,7 +225,7 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
         return None
     found, q = list[Clearance](), ca.SX.sym("q", sum(robot.dof for robot in robots))
     if settings.self_collision and not settings.pairs:
-        found += filter(None, [_links_apart(tuple(robots), settings.margin)])
+        found += filter(None, [links_apart(tuple(robots), settings.margin)[0]])
     first = 0
     for robot in robots:
         own = q[first : first + robot.dof]
@@ -249,16 +251,20 @@ def _check_obstacles(distances: ca.Function, robots: Sequence[Model], names: Seq
 
 
 @lru_cache(maxsize=8)
-def _links_apart(robots: tuple[Model, ...], margin: float) -> Clearance | None:
+def links_apart(robots: tuple[Model, ...], margin: float) -> tuple[Clearance | None, Array]:
+    """Return the distances of links that are kept, and the margins of all of them (m,), as links
+    that are near each other in most configurations keep a smaller distance.
+    """
     pairs = link_pairs(robots, margin=margin)
     both = (*pairs.constrained, *pairs.exact_only)  # without excess: the exact distances decide
     kept = replace(pairs, constrained=both, excess=(0.0,) * len(both))
     every = keep_clear(robots, pairs=kept, margin=margin)
     if every is None:
-        return None
+        return None, np.zeros(0)
     close = {f"{one} to {other}" for one, other in pairs.exact_only}
     wide = [name.partition(" (")[0] in close for name in every.names]
-    return replace(every, lower=np.where(wide, np.minimum(_CLOSE, every.lower), every.lower))
+    lower = np.where(wide, np.minimum(_CLOSE, every.lower), every.lower)
+    return replace(every, lower=lower), every.lower
 
 
 def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Clearance:
