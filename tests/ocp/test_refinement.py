@@ -28,9 +28,17 @@ def test_path_around_a_disc_to_several_tolerances(tolerance: float) -> None:
     s = np.linspace(0.0, 1.0, 5001)
     inside = 0.5 - np.linalg.norm(solution.path(s), axis=1)
     assert inside.max() <= 1.1 * tolerance  # also between the checked points
-    assert len(stats.mesh_history) > 1
     assert stats.mesh_history[-1].max_path_violation == stats.max_path_violation
     assert stats.mesh_history[0].segments == 8  # half of those of the default grid
+
+
+def test_one_grid_is_enough_where_the_error_of_its_objective_is_known() -> None:
+    arm = go.human_arm()
+    reach = go.Reach(arm, [0.3, 0.0, -0.4, 0.9, 0.0, 0.0, 0.0], position=(0.10, 0.45, -0.05))
+    one, best = (go.solve(reach, tolerance=tolerance) for tolerance in (1e-6, 1e-9))
+    assert len(one.stats.mesh_history) == 1 < len(best.stats.mesh_history)
+    assert one.stats.objective == pytest.approx(best.stats.objective, rel=1e-6, abs=0.0)
+    assert 0.0 < one.stats.gap < 1e-6 * one.stats.objective
 
 
 @pytest.mark.slow

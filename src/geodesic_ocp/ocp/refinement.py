@@ -2,7 +2,8 @@
 
 A path is smooth between the points where a constraint becomes active or inactive; there its
 acceleration jumps, which no polynomial resolves. Segments are halved where conditions are violated
-between the nodes, or where the last terms of the polynomials still carry energy.
+between the nodes, or where the last terms of the polynomials still carry energy: what these
+carry, and the distance from bounds at which Ipopt stops, bound the error of the objective.
 
 The energy of segments of lengths L_k on intervals of widths t_k is at least sum_k L_k^2 / (2 t_k),
 which is least where every L_k / t_k is equal. Solving and redistributing s alternate, accelerated
@@ -39,6 +40,7 @@ _FRACTION = 0.1
 _MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.
 _PATIENCE, _WORSE = 3, 1.2
+_ENOUGH = 4  # segments from which on their last terms tell the error: of one, it may be zero
 _STALE = 6  # rounds in which violations between nodes must halve
 
 
@@ -68,8 +70,8 @@ def refine(
         samples: of the path constraints along a path.
         first: solution on the first grid.
         tolerance: for violations between nodes, in the unit of the condition, and for the
-            relative change of the objective from one grid to the next. None: the conditions hold
-            to `BETWEEN_NODES`, whatever the objective.
+            relative error of the objective. None: the conditions hold to `BETWEEN_NODES`, whatever
+            the objective.
         guess: initial guess.
         anew: whether the search restarts if it diverges.
 
@@ -130,6 +132,7 @@ def _halved_until_fine(
     solve_on: SolveOn, samples: PathSamples, first: Solution, tolerance: float | None
 ) -> Solution:
     """Return the last solution, on grids whose coarse segments are halved until there are none."""
+    is_energy = first.conditions.cost.is_zero()
 
     def solve(start: tuple[Solution, Grid] | None) -> Solution:
         if start is None:
@@ -141,7 +144,10 @@ def _halved_until_fine(
         stats, path = found.stats, found.path
         if not stats.success:
             return found, None
-        change = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
+        unresolved = unresolved_energy(path)
+        error = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
+        if is_energy and path.grid.segments >= _ENOUGH:
+            error = min(error, float(unresolved.sum()) + stats.gap)
         if tolerance is None:
             is_fine = not _violates(found)
             # The energy of a jump doubles as its segment is halved.
@@ -151,12 +157,12 @@ def _halved_until_fine(
             stays = number >= _STALE and amounts[-1] > amounts[-1 - _STALE] / 2.0
             diverged = jumps or stays or min(path.grid.widths) < _NARROWEST
         else:
-            is_settled = change <= tolerance * abs(stats.objective)
+            is_settled = error <= tolerance * abs(stats.objective)
             is_fine = is_settled and stats.max_path_violation <= tolerance
             diverged = stats.objective > _WORSE * first.stats.objective > 0.0
         if is_fine:
             return found, None
-        violations, unresolved = samples.excess(path), unresolved_energy(path)
+        violations = samples.excess(path)
         if tolerance is None:
             levels = _halvings(worst_by_segment(path, violations), BETWEEN_NODES, 2)
         else:
@@ -169,8 +175,8 @@ def _halved_until_fine(
             return meeting_conditions(found, "no finer grid meets its conditions"), None
         status = (
             f"not solved to {tolerance:g}: on {path.grid.segments} segments conditions are still "
-            f"violated by {stats.max_path_violation:.2g}, and the objective has changed by "
-            f"{change:.2g}"
+            f"violated by {stats.max_path_violation:.2g}, and the objective's error is "
+            f"{error:.2g}"
         )
         return _failed(found, status), None
 

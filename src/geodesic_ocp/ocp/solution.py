@@ -67,6 +67,7 @@ class Stats:
         max_path_violation: largest violation anywhere on the path, between the nodes included.
         mesh_history: the solves of a mesh refinement; empty if there was none.
         guess: the guess that led to the solution, if `solve` has found another than the first.
+        gap: how far the objective may be above the least on this grid, as Ipopt stays off bounds.
     """
 
     success: bool
@@ -82,9 +83,10 @@ class Stats:
     max_path_violation: float
     mesh_history: tuple[MeshIteration, ...] = ()
     guess: str = ""
+    gap: float = 0.0
 
     def __repr__(self) -> str:
-        refined = f" on {len(self.mesh_history)} grids" if self.mesh_history else ""
+        refined = f" on {len(self.mesh_history)} grids" if len(self.mesh_history) > 1 else ""
         return (
             f"Stats({self.status}: {self.total_iterations} iterations{refined}, "
             f"{self.total_seconds:.2g} s, energy {self.energy:.6g}, "

@@ -77,7 +77,8 @@ def solve(
             or the straight line. A solution is a warm start. From a path that meets the conditions,
             such as `Path.through(metric, waypoints)`, the search stays near it.
         tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
-            and the objective changes by less, relative, from one grid to the next;
+            and the relative error of the objective is less: by the terms of the path's polynomials
+            and Ipopt's distance from bounds, or by its change from one grid to the next;
             stats.mesh_history lists the solves.
         throw: raise NotConverged if there is no solution; else return the last iterate, with
             stats.success False.
@@ -142,7 +143,7 @@ def solve(
     settings, are_many = dict(ipopt or {}), conditions.are_many
     tight = LOOSE if are_many and tolerance is None else _ipopt_tolerance(tolerance)
     is_bounded = are_many and num_starts == 1
-    solver = Solver(problem, definition, conditions, settings, callback, tight, is_bounded)
+    solver = Solver(problem, definition, conditions, settings, callback, tight, tolerance, is_bounded)
     first = definition.grid if grid is None else grid
 
     search = _Search(solver, grid, tolerance)

@@ -38,6 +38,8 @@ _STIFF, _COARSE = 8, Grid(4, 4)
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 LOOSE, MODERATE, TIGHT = 1e-6, 1e-7, 1e-10
 _ROUGH = 1e-4  # of a step of a descent, at most
+# Complementarity, in parts of the path's tolerance, so that the sum over all bounds is below that.
+_COMPLEMENTARITY = 1e-2
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
 _STEP = 0.1
@@ -103,6 +105,7 @@ class Solver:
     ipopt: Mapping[str, Any]
     callback: Callback | None
     tolerance: float
+    path_tolerance: float | None = None
     is_bounded: bool = False  # whether all solves together end after `_MOST_AMONG_MANY`
     spent: list[int] = field(default_factory=list)  # iterations of all solves
     within: float = np.inf  # how far [rad or m] nodes may move from a guess
@@ -220,6 +223,8 @@ class Solver:
             near = {**near, "mu_init": _MODERATE_BARRIER}
         else:
             near = _BESIDE if guess is not None and nlp.violation <= FEASIBLE else {}
+            if self.path_tolerance is not None:
+                near = {**near, "compl_inf_tol": _COMPLEMENTARITY * self.path_tolerance}
         return self._optimize_via(self._solve_nlp(nlp, near))
 
     def solve_from(self, grid: Grid, start: Path | Solution | None) -> Solution:
@@ -345,5 +350,22 @@ def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outco
         max_node_violation=violation,
         worst_constraint=worst,
         max_path_violation=max(violation, float(between)),
+        gap=units.scale * _gap(nlp, outcome),
     )
     return Solution(problem, conditions, path, stats, iterate)
+
+
+def _gap(nlp: NLP, outcome: Outcome) -> float:
+    """Return the sum of all bounds' multipliers times distances: the duality gap if the program is
+    convex.
+    """
+    bounds, gap = nlp.bounds, 0.0
+    ends = [nlp.units.scaled(each).ravel() for each in (bounds.lower, bounds.upper)]
+    for value, lam, (lower, upper) in (
+        (outcome.x, outcome.lam_x, ends),
+        (outcome.g, outcome.lam_g, (bounds.lower_g, bounds.upper_g)),
+    ):
+        bound = np.where(lam > 0.0, upper, lower)
+        some = np.isfinite(bound)
+        gap += float(np.abs(lam[some] * (value - bound)[some]).sum())
+    return gap
