@@ -143,7 +143,8 @@ def solve(
     settings, are_many = dict(ipopt or {}), conditions.are_many
     tight = LOOSE if are_many and tolerance is None else _ipopt_tolerance(tolerance)
     is_bounded = are_many and num_starts == 1
-    solver = Solver(problem, definition, conditions, settings, callback, tight, tolerance, is_bounded)
+    tolerances = tight, tolerance
+    solver = Solver(problem, definition, conditions, settings, callback, *tolerances, is_bounded)
     first = definition.grid if grid is None else grid
 
     search = _Search(solver, grid, tolerance)

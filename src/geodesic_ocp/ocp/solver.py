@@ -38,7 +38,7 @@ _STIFF, _COARSE = 8, Grid(4, 4)
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 LOOSE, MODERATE, TIGHT = 1e-6, 1e-7, 1e-10
 _ROUGH = 1e-4  # of a step of a descent, at most
-# Complementarity, in parts of the path's tolerance, so that the sum over all bounds is below that.
+# Complementarity of a bound, in parts of the path's tolerance: their sum is an error of the energy.
 _COMPLEMENTARITY = 1e-2
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
