@@ -88,6 +88,7 @@ def checked(
 
 
 FREE = replace(LIMITS, acceleration=np.full(7, np.inf), jerk=np.full(7, np.inf))
+SMOOTH = replace(LIMITS, jerk=0.3 * LIMITS.jerk)  # averages over 33 steps
 
 
 @pytest.mark.slow
@@ -95,10 +96,10 @@ FREE = replace(LIMITS, acceleration=np.full(7, np.inf), jerk=np.full(7, np.inf))
 @given(
     seed=st.integers(0, 1000),
     every=st.integers(1, 60),
-    rate=st.sampled_from([80.0, 150.0, 400.0]),
+    rate=st.sampled_from([20.0, 40.0, 80.0, 400.0]),
     torque=st.sampled_from([14.0, 40.0, np.inf]),
     hand_speed=st.sampled_from([0.3, 1.5, np.inf]),
-    limits=st.sampled_from([LIMITS, FREE]),
+    limits=st.sampled_from([LIMITS, FREE, SMOOTH]),
 )
 def test_no_limit_is_exceeded_where_samples_jump(
     seed: int,
