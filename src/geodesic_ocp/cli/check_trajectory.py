@@ -83,7 +83,7 @@ def check_trajectory(
         hands = [hand] if hand and len(robot) == 1 else _for_each("hand", hand, len(robot))
         frames = zip(names, hands, _for_each("base", base, len(robot)), strict=True)
         robots = [load_model(name, hand=own, base=root) for name, own, root in frames]
-    free_fall = _free_fall(robots, gravity, aligned, alignment or ())
+        free_fall = _free_fall(robots, gravity, aligned, alignment or ())
     if rotor_inertia:
         robots = [with_rotor_inertia(each) for each in robots]
     robots, found = limits.of_robots([with_load(each, payload) for each in robots])
