@@ -12,6 +12,7 @@ inverse kinematics (QP) in their time; largest shares of the limits; processor t
 from __future__ import annotations
 
 import argparse
+import gc
 import sys
 import time
 import warnings
@@ -104,6 +105,8 @@ def replayed(
         limits=arm.limits,
     )
     commands, taken = [live.command], []
+    gc.collect()
+    gc.freeze()  # a collection takes as long as many steps
     for instant, q in zip(raw.time, raw.q, strict=True):
         begin = time.thread_time()
         commands.append(live.step(instant, q))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -168,6 +168,34 @@ def test_obstacles_and_loads_from_a_file_are_checked(
     loaded = panda.with_payload(1.0, [0.0, 0.0, 0.1]).inverse_dynamics(q[0], 0 * q[0], 0 * q[0])
     assert f"{abs(loaded[1]):.1f}" in out
     assert run(*arguments, "--obstacle", "half-space:0,0,-1,0,0,1") == 0
+
+
+def test_a_body_stands_for_the_arm_that_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As in `retarget`, which writes its trajectory and the alignments of both hands."""
+    files = {}
+    for name in ("g1", "g1-left-arm"):
+        robot = known_robot(name)
+        q = np.tile((robot.lower + robot.upper) / 2.0, (3, 1))
+        still = JointTrajectory(np.arange(3) / 100, q, 0 * q, 0 * q, robot.joint_names)
+        files[name] = str(still.save(tmp_path / f"{name}.csv"))
+    tables = []
+    for name in ("g1", "g1-left-arm"):
+        run(files["g1-left-arm"], "--robot", name, "--aligned", "--no-clearance")
+        tables.append(capsys.readouterr().out)
+    assert tables[0] == tables[1]
+    assert "limits of g1-left-arm:" in tables[0]
+    body = known_robot("g1")
+    aligned = [go.retargeting.align(body.with_hand(hand)) for hand in body.hands]
+    right, left = (str(each.save(tmp_path / f"{each.side}.json")) for each in aligned)
+    command = [files["g1"], "--robot", "g1", "--no-clearance", "--alignment", right, "--alignment"]
+    assert run(*command, left) == 0
+    tilted = replace(aligned[1], base=[[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    assert run(*command, str(tilted.save(tmp_path / "tilted.json"))) == 2
+    assert "--alignment: those of the hands of a body differ" in capsys.readouterr().err
+    assert cli.main(["align", "g1", "--alignment", left]) == 0
+    assert "along +x of left_rubber_hand" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

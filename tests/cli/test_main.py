@@ -166,14 +166,22 @@ def test_settings_come_from_a_file_and_options_go_first(tmp_path: Path, refused:
         settings = bound.arguments["retargeting"]
         assert (settings.margin, settings.limits) == (0.03, False)
         assert bound.arguments["analysis"] == AnalysisSettings(deviation=0.05, unit="cm")
+    toml.write_text('rest = false\nhand-speed = "1"\npose-tolerance = ["20mm", "6 deg"]\n')
+    _, bound, _ = cli.new_app().parse_args([*command[:-1], str(toml)])
+    settings = bound.arguments["retargeting"]
+    assert (settings.rest, bound.arguments["joint_limits"].hand_speed) == (False, "1")
+    assert settings.pose_tolerance == pytest.approx((0.02, np.radians(6.0)))
     for text, message in (
-        ("treshold = 0.4\n", "unknown settings: 'treshold'"),
+        ("treshold = 0.4\n", "unknown settings: 'treshold'; did you mean 'threshold'?"),
+        ("rest-speed = 0.4\nrest_speed = 0.4\n", "given twice: 'rest_speed'"),
         ("threshold = \n", "is not a table of settings in JSON, TOML or YAML"),
         ("threshold = -1.0\n", "threshold must be positive"),
         ('threshold = "much"\n', "much"),
     ):
         wrong.write_text(text)
         assert message in refused("analyse", "a.csv", "--settings", wrong)
+    wrong.write_text("no-rest = true\n")  # which would be read as rest = true
+    assert "'no-rest'; did you mean 'rest'?" in refused(*command[:-1], wrong)
     assert "none.toml: cannot be read" in refused(
         "analyse", "a.csv", "--settings", tmp_path / "none.toml"
     )

@@ -262,6 +262,7 @@ def test_a_trajectory_of_both_arms_of_a_robot(show: Show, tmp_path: Path) -> Non
     playback = show(file, "--robot", names[0], "--robot", names[1])
     (scene,) = playback.scenes
     assert playback.title == "talos-right-arm and talos-left-arm, both.csv"
+    assert show(file, *["--robot", "talos"] * 2).title == playback.title  # names of the body
     links = [{mesh.link for mesh in actor.meshes} for actor in scene.actors]
     assert not links[0] & links[1]
     assert links[0] | links[1] == {mesh.link for mesh in meshes(robots[0])}

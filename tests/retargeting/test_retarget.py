@@ -369,6 +369,7 @@ def test_an_obstacle_that_a_link_always_overlaps_is_named(
         ({"pose_tolerance": 0.01}, "pose_tolerance must be a distance"),
         ({"pose_tolerance": (0.01, -1.0)}, "pose_tolerance must not be negative"),
         ({"pose_tolerance": (0.01, 5.0)}, "the angle is in rad"),
+        ({"pose_tolerance": ("5deg", "10mm")}, "with units such as 10mm 5deg"),
         ({"path_tolerance": (0.0, 0.1)}, "path_tolerance must be positive"),
         ({"energy_weight": 0.0}, "energy_weight must be positive"),
         ({"num_starts": 0}, "num_starts must be a positive integer"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geodesic_ocp.cli.options import with_hand_of
 from geodesic_ocp.cli.terminal import print_written, printed_warnings
 from geodesic_ocp.drawing.alignments import alignment_figure
 from geodesic_ocp.model.anthropometry import Side
@@ -46,7 +47,8 @@ def align(
         robot: name, or URDF, MJCF or MMM file.
         hand: hand (end-effector) frame.
         base: fixed frame that becomes the base.
-        side: side of the body; default: where the shoulder is.
+        side: side of the body, which chooses the hand of one with two; default: where the shoulder
+            is.
         alignment: file of an alignment, as edited, to show instead.
         out: file to edit (.json), beside which a figure (.png) is written.
     """
@@ -56,10 +58,12 @@ def align(
         raise ValueError("--side has no effect with --alignment: change side in the file")
     with printed_warnings():
         model = load_model(robot, hand=hand, base=base)
-    known = known_alignment(model) if side is None else None
+    given = None if alignment is None else read_alignment(alignment)
+    model = with_hand_of(model, side if given is None else given.side)
+    known = known_alignment(model) if side is None or len(model.hands) == 2 else None
     notes: tuple[str, ...] = ()
-    if alignment is not None:
-        aligned, source = read_alignment(alignment), f"read from {alignment}"
+    if given is not None:
+        aligned, source = given, f"read from {alignment}"
     elif known is not None:
         aligned, source = known, f"the built-in alignment of {model.name}"
     else:

@@ -12,6 +12,7 @@ from geodesic_ocp.cli.options import (
     Flag,
     GivenLimits,
     LimitOptions,
+    arms_that_move,
     as_obstacle,
     with_load,
 )
@@ -27,6 +28,7 @@ from geodesic_ocp.retargeting.settings import RetargetingSettings, motion_cleara
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
 _FREE_FALL = (0.0, 0.0, -9.81)  # [m/s^2]
+_SAME = 1e-6  # [m/s^2]
 
 
 def check_trajectory(
@@ -35,7 +37,7 @@ def check_trajectory(
     *,
     robot: list[str],
     hand: list[str] | None = None,
-    base: str | None = None,
+    base: list[str] | None = None,
     alignment: list[Path] | None = None,
     aligned: Flag = False,
     gravity: tuple[float, float, float] | None = None,
@@ -52,12 +54,13 @@ def check_trajectory(
 
     Args:
         file: trajectory (.csv, .json of ROS 2, or .npz).
-        robot: name (see geodesic-ocp models) or file; twice for two arms, in their order.
+        robot: name (see geodesic-ocp models) or file; twice for two arms, in their order. The name
+            of a body stands for one of its arms if the trajectory has the joints of that alone.
         hand: hand frame, for a robot from a file; one for all or for each --robot, or the hands of
             a body.
-        base: fixed frame of the robot that becomes its base.
+        base: fixed frame of the robot that becomes its base; one for all or for each --robot.
         alignment: alignment with a person, as written by geodesic-ocp align: gravity is along the
-            person's body; one for each --robot.
+            person's body; one for each --robot, or for each hand of a body.
         aligned: gravity as for a robot that is mounted by its alignment, as by geodesic-ocp
             retarget.
         gravity: acceleration of free fall in the axes of the robot's base [m/s^2]; default:
@@ -76,11 +79,11 @@ def check_trajectory(
         raise ValueError("--aligned, --alignment and --gravity exclude each other")
     trajectory = read_trajectory(file)
     with printed_warnings():
-        hands = _hands(hand or [], len(robot))
-        robots = [
-            load_model(name, hand=own, base=base) for name, own in zip(robot, hands, strict=True)
-        ]
-    free_fall = _free_fall(robots, gravity, aligned, alignment or ())
+        names = robot if hand else arms_that_move(robot, trajectory.joint_names)
+        hands = [hand] if hand and len(robot) == 1 else _for_each("hand", hand, len(robot))
+        frames = zip(names, hands, _for_each("base", base, len(robot)), strict=True)
+        robots = [load_model(name, hand=own, base=root) for name, own, root in frames]
+        free_fall = _free_fall(robots, gravity, aligned, alignment or ())
     if rotor_inertia:
         robots = [with_rotor_inertia(each) for each in robots]
     robots, found = limits.of_robots([with_load(each, payload) for each in robots])
@@ -108,19 +111,17 @@ def check_trajectory(
     return 0 if result.passed else 1
 
 
-def _hands(given: Sequence[str], count: int) -> list[Sequence[str] | str | None]:
-    """Return the hands of each robot.
+def _for_each(option: str, given: Sequence[str] | None, count: int) -> Sequence[str | None]:
+    """Return a frame, or none, for each robot.
 
     Raises:
-        ValueError: several robots, and another number of hands.
+        ValueError: neither one nor one for each.
     """
-    if len(given) <= 1:
+    if not given or len(given) == 1:
         return [given[0] if given else None] * count
-    if count == 1:
-        return [given]
     if len(given) != count:
-        raise ValueError(f"--hand: one for all or for each --robot, got {', '.join(given)}")
-    return [*given]
+        raise ValueError(f"--{option}: one for all or for each --robot, got {', '.join(given)}")
+    return given
 
 
 def _free_fall(
@@ -130,12 +131,20 @@ def _free_fall(
     files: Sequence[Path],
 ) -> Array:
     """Return the acceleration of free fall in the axes of each robot's base [m/s^2]."""
-    if files and len(files) != len(robots):
-        raise ValueError(f"--alignment: one for each --robot, got {len(files)}")
+    hands = [len(each.hands) for each in robots]
+    if files and len(files) not in (len(robots), sum(hands)):
+        of_each = "one for each --robot, or for each hand of a body"
+        raise ValueError(f"--alignment: {of_each}, got {len(files)}")
     if not files and not aligned:
         return np.tile(np.asarray(given or _FREE_FALL, dtype=float), (len(robots), 1))
     mounted = [read_alignment(each) for each in files] or [align(each) for each in robots]
-    return np.array([np.asarray(each.base) @ _FREE_FALL for each in mounted])
+    falls = np.array([np.asarray(each.base) @ _FREE_FALL for each in mounted])
+    if len(falls) == len(robots):
+        return falls
+    of_robots = np.split(falls, np.cumsum(hands)[:-1])
+    if max(np.ptp(each, axis=0).max() for each in of_robots) > _SAME:
+        raise ValueError("--alignment: those of the hands of a body differ in what is up")
+    return np.array([each[0] for each in of_robots])
 
 
 def _clearance(robots: Sequence[Model], obstacles: Sequence[Obstacle]) -> Clearance | None:

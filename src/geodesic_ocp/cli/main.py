@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 from cyclopts.config import Dict
@@ -97,11 +99,19 @@ def _settings_file(app: App, commands: tuple[str, ...], arguments: ArgumentColle
         return
     file = Path(tokens[0].value)
     found = read_structured(file, "table of settings")
-    known = {name.lstrip("-").replace("-", "_"): name for each in arguments for name in each.names}
-    if not isinstance(found, dict) or (unknown := [each for each in found if each not in known]):
-        wrong = ", ".join(map(repr, unknown)) if isinstance(found, dict) else "not a table"
-        raise ValueError(f"--settings {file}: unknown settings: {wrong}")
-    settings = {known[name].lstrip("-"): value for name, value in found.items()}
+    names = [name for each in arguments for name in each.names if name not in each.negatives]
+    known = {name.lstrip("-").replace("-", "_"): name for name in names}
+    if not isinstance(found, dict):
+        raise ValueError(f"--settings {file}: unknown settings: not a table")
+    settings: dict[str, Any] = {}
+    for key, value in found.items():
+        name = known.get(str(key).replace("-", "_"), "").lstrip("-")
+        if not name or name in settings:
+            wrong = "given twice" if name else "unknown settings"
+            near = [] if name else get_close_matches(str(key), known, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"--settings {file}: {wrong}: {key!r}{hint}")
+        settings[name] = value
     Dict(settings, source=str(file), use_commands_as_keys=False)(app, commands, arguments)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +22,8 @@ from geodesic_ocp.execution.limits import (
     within_ranges,
 )
 from geodesic_ocp.model.anthropometry import Side, Sides
+from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace, Obstacle
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
@@ -215,6 +218,23 @@ _IN_PYTHON_ONLY = re.compile(r"^(?!obstacles|pairs)")
 RetargetingOptions = Annotated[
     RetargetingSettings, Parameter(name="*", group="Retargeting", parse=_IN_PYTHON_ONLY)
 ]
+
+
+def arms_that_move(names: Sequence[str], joints: Sequence[str]) -> Sequence[str]:
+    """Return names of robots, in place of a body the arm of it whose joints a trajectory has."""
+    if not set(names) <= set(ROBOTS):
+        return names
+    moved = sorted(joint.rpartition("/")[2] for joint in joints)
+    choices = list(product(*((name, *ROBOTS[name].arms) for name in names)))
+    for chosen in choices if len(choices) > 1 else ():
+        if moved == sorted(joint for name in chosen for joint in load_model(name).joint_names):
+            return chosen
+    return names
+
+
+def with_hand_of(robot: Model, side: Side | None) -> Model:
+    """Return the robot with, of the right and the left hand of a body, that of a side."""
+    return robot.with_hand(robot.hands[side == "left"]) if len(robot.hands) == 2 else robot
 
 
 def each_side(side: Sides) -> list[Side]:

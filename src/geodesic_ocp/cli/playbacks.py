@@ -13,7 +13,13 @@ from cyclopts import Parameter
 
 from geodesic_ocp.cli.analyse import analysed
 from geodesic_ocp.cli.kinds import REPORT, Kind, file_kind, folder_files
-from geodesic_ocp.cli.options import Flag, RecordingOptions, each_side
+from geodesic_ocp.cli.options import (
+    Flag,
+    RecordingOptions,
+    arms_that_move,
+    each_side,
+    with_hand_of,
+)
 from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.drawing.alignments import alignment_playback
@@ -218,6 +224,8 @@ class Shown:
                 f"{file}: is a trajectory of {', '.join(trajectory.joint_names[:3])}, ...; say of "
                 "which robot: --robot NAME or FILE"
             )
+        if self.hand is None:
+            names = [*arms_that_move(names, trajectory.joint_names)]
         robots = [self._robot(name) for name in names]
         parts = []
         for robot, part in zip(robots, _parts(file, trajectory, robots), strict=True):
@@ -235,7 +243,7 @@ class Shown:
             raise RecordingError(
                 f"{file}: is the alignment of a robot; say of which one: --robot NAME or FILE"
             )
-        robot = self._robot(self.robot[0])
+        robot = with_hand_of(self._robot(self.robot[0]), aligned.side)
         try:
             check_joints(aligned, robot)
         except ValueError as error:

@@ -271,10 +271,10 @@ def _summarize(result: Retargeting) -> None:
     for arm in result.arms:
         errors = np.array(list(arm.pose_errors.values()))
         inexact = int(np.sum(errors.max(axis=1) > MISSED))
-        distance, angle = errors.max(axis=0)
+        distance, angle = errors.max(axis=0) * (1e3, 180.0 / np.pi)
         poses = (
-            f"the hand is off {inexact} of {len(errors)} poses, by at most {distance:.2g} m, "
-            f"{angle:.2g} rad, {len(arm.missed)} of them beyond the tolerance"
+            f"the hand is off {inexact} of {len(errors)} poses, by at most {distance:.2g} mm, "
+            f"{angle:.2g} deg, {len(arm.missed)} of them beyond the tolerance"
         )
         print(
             f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "

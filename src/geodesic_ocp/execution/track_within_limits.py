@@ -29,6 +29,7 @@ from geodesic_ocp.execution.limits import (
     checked_start,
     usable_torque,
 )
+from geodesic_ocp.execution.stops import Averages
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.synergies.baselines import Poses
@@ -183,8 +184,7 @@ class Tracker:
         posture_cost, smoothing: weight of the speeds towards it, squared, and of changes [s].
         solver: in place of DAQP.
         hands: names of the hands; empty: the hand of the model.
-        gravity: of free fall, in axes of the base (3,) [m/s^2]; None: torques and speeds of the
-            hands are not limited.
+        gravity: of free fall, in axes of the base (3,) [m/s^2], for limits of torques.
         torque_share: share of the limits of torque that may be used, see `usable_torque`; no more
             than 0.95 of a limit are, unless it takes more to hold the arm.
     """
@@ -209,7 +209,7 @@ class Tracker:
         position: Array,
         velocity: Array,
         left: int = _MANY,
-        force: Array | None = None,
+        sent: Averages | None = None,
     ) -> Array:
         """Return the speeds (n,) of the step that begins at q (n,), after those before it (n,).
 
@@ -218,8 +218,8 @@ class Tracker:
             rotation, position, velocity: pose of the target at its beginning, and velocity (6,)
                 during the step.
             left: number of steps after this one, in the last of which the arm is at rest.
-            force: torques (n,) at the beginning of the step before, whose rate of change is
-                limited; None: it is not.
+            sent: command before this step, whose torque and its rate are limited; None: they are
+                not, as without `gravity`.
         """
         hands = self.hands or (self.model.hand,)
         jacobian, way = evaluate(_tracking(self.model, self.rows, hands), q, rotation, position)
@@ -236,38 +236,30 @@ class Tracker:
             gradient = -(jacobian.T @ wanted + pulled)
             found, conditions = previous, None
             # Again, as torques are not quite linear in the speeds.
-            for _ in range(1 if self.gravity is None else _PASSES):
-                if self.gravity is not None:
-                    conditions = self._conditions(q, previous, force, found)
+            for _ in range(1 if sent is None else _PASSES):
+                if sent is not None:
+                    conditions = self._conditions(q, sent, found)
                 found = box_least_squares(hessian, gradient, *bounds, conditions)
         return np.asarray(np.clip(found, *bounds))
 
-    def torques(self, q: Array, previous: Array, speeds: Array) -> Array:
-        """Return torques (n,) at the beginning of a step, at q (n,), where speeds change (n,)."""
-        assert self.gravity is not None
-        change = (speeds - previous) / self.step
-        middle = (previous + speeds) / 2.0
-        return np.asarray(self.model.inverse_dynamics(q, middle, change, self.gravity))
-
-    def _conditions(
-        self, q: Array, previous: Array, force: Array | None, near: Array
-    ) -> StepConditions:
+    def _conditions(self, q: Array, sent: Averages, near: Array) -> StepConditions:
         """Return conditions on the speeds of a step that begins at q (n,), linear near some (n,):
-        hard ones on torques at its beginning and on their change, and others on the torques that
-        hold the arm and on the hands' speed in its direction.
+        hard ones on torques of the command after it and on their change, and others on the torques
+        that hold the arm and on the hands' speed in its direction.
         """
+        assert self.gravity is not None
+        previous = sent.past[-1]
         weight, slope = evaluate(_holding(self.model), q, self.gravity)
         held, limit = np.abs(weight[:, 0]), self.limits.torque
         usable = usable_torque(limit, held, self.torque_share)
         upper = np.minimum(usable, np.maximum(_HOLDING * limit, held))
-        lower = -upper
-        if force is not None:
-            change = self.step * self.limits.torque_rate
-            lower, upper = (
-                np.clip(each, force - change, force + change) for each in (lower, upper)
-            )
-        matrix = self.model.mass_matrix(q) / self.step
-        middle = matrix @ near - self.torques(q, previous, near)
+        change = self.step * self.limits.torque_rate
+        lower, upper = (
+            np.clip(each, sent.torque - change, sent.torque + change) for each in (-upper, upper)
+        )
+        then = sent.after(near, self.model, self.gravity)
+        matrix = self.model.mass_matrix(then.position) / (self.step * sent.count)
+        middle = matrix @ near - then.torque
         limited = np.isfinite(upper)
         found = [(matrix[limited], (middle + lower)[limited], (middle + upper)[limited])]
         some = np.isfinite(limit)  # a joint that is too weak to hold the arm is not led farther

@@ -6,14 +6,14 @@ The steps of one tick are all causal, and their delays are known:
    the geodesic with its velocity leads to now: beyond, what it foresees is worth less than the
    accelerations that it costs the robot.
 2. The pose of the hand there is mapped to the robot as in `retarget`.
-3. Inverse kinematics follows it in steps of constant speed (`Tracker`). A step is taken only if
-   the robot can still stop after it within the limits of position, speed, acceleration, torque,
-   torque rate and the hand's speed; else it is changed towards the stop found before (`Stops`).
-4. Two moving averages make these steps smooth, one over a step h and one over a time T. Limits are
-   intervals, so that an average of motions within them is within them: the command keeps the limits
-   as the steps do, and its jerk is at most 2 a / T, where a is the limit of acceleration. Averages
+3. Inverse kinematics follows it in steps of constant speed (`Tracker`).
+4. Two moving averages make these steps smooth, one over a step h and one over a time T. The limits
+   of position, speed and acceleration are intervals, so that an average of motions within them is
+   within them, and its jerk is at most 2 a / T, where a is the limit of acceleration. Averages
    delay by (h + T) / 2. (Biagiotti, Melchiorri, "FIR filters for online trajectory planning with
    time- and frequency-domain specifications", Control Engineering Practice 20, 2012.)
+5. A step is taken only if the robot can still stop after it with all commands within the limits;
+   else it is changed towards the stop found before (`Stops`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
 from geodesic_ocp.execution.limits import JointLimits, checked_limits, checked_start, joint_limits
-from geodesic_ocp.execution.stops import Stops
+from geodesic_ocp.execution.stops import Averages, Stops
 from geodesic_ocp.execution.track_within_limits import Tracker
 from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model, as_model
@@ -41,9 +41,9 @@ _POWERS = np.arange(3.0)[:, None]
 _BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
 _DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altogether
 _DEFAULT = RetargetingSettings()
-# Shares of limits of torque rate and of the hand's speed within which a step is sought, and that it
-# keeps: averages of configurations have other torques.
-_SHARES = (0.85, 0.9), (0.9, 0.95)
+# Shares of limits of torque, its rate and the hand's speed within which a step is sought, and that
+# it keeps: some is left for instants between the commands.
+_SOUGHT, _KEPT = 0.95, 0.99
 _GAP = 2.5  # steps without a sample, after which the person's motion begins anew
 
 
@@ -71,10 +71,8 @@ class LiveRetargeting:
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep all
     limits, whatever the samples are: of position, speed, acceleration, jerk, torque and its rate,
-    and of the hand's speed. A tenth of the limit of torque rates is left for what averages change,
-    some 5 N m/s where joints are fast, so that much smaller limits may be exceeded. The hand stays
-    behind where joints are too weak to hold the arm. Commands lag behind by `delay`, and by more
-    where the limits do not allow the person's speed.
+    and of the hand's speed. The hand stays behind where joints are too weak to hold the arm.
+    Commands lag behind by `delay`, and by more where the limits do not allow the person's speed.
     Distances between links or to obstacles are not considered. At the beginning, and after a gap, a
     parallel gripper takes the nearer one of both grasps. Synergies of the person are those of the
     online rule (`segment`), as `segment_developed` needs the whole motion. They are closed as soon
@@ -135,26 +133,30 @@ class LiveRetargeting:
         rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
         q = checked_start(robot, start)
         self._gravity = gravity_on(target)
-        rates, speed = self.limits.torque_rate, self.limits.hand_speed
-        wanted, kept = (
-            replace(self.limits, torque_rate=first * rates, hand_speed=second * speed)
-            for first, second in _SHARES
+        sought, kept = (
+            replace(
+                self.limits,
+                torque=torque * self.limits.torque,
+                torque_rate=share * self.limits.torque_rate,
+                hand_speed=share * self.limits.hand_speed,
+            )
+            for torque, share in ((1.0, _SOUGHT), (_KEPT, _KEPT))
         )
         self._tracker = Tracker(
-            *(robot, wanted, self._step, q),
+            *(robot, sought, self._step, q),
             rows=rows,
             gravity=self._gravity,
             torque_share=settings.torque_share,
         )
-        self._stops = Stops(robot, kept, self._step, self._gravity)
+        self._stops = Stops(robot, kept, self._gravity)
         self._stop = np.zeros((1, q.size))  # speeds with which it can come to rest
         limited = np.isfinite(self.limits.jerk)
         averaged = 2.0 * self.limits.acceleration[limited] / self.limits.jerk[limited]
         if not np.all(np.isfinite(averaged)):
             raise ValueError("limits: joints with a limit of jerk need one of acceleration")
         # Steps of the second average, the same for all joints to keep them together.
-        self._count = max(1, int(np.ceil(np.max(averaged, initial=0.0) / self._step - 1e-9)))
-        self.delay = self._step * (1.0 + self._count) / 2.0
+        count = max(1, int(np.ceil(np.max(averaged, initial=0.0) / self._step - 1e-9)))
+        self.delay = self._step * (1.0 + count) / 2.0
         self._metric, zero = as_analysis_metric(None, person), np.zeros(person.dof)
         # The largest speed, until a larger one is seen: that of 1 rad/s of all joints.
         fastest = self._metric.norm(zero, np.ones(person.dof))
@@ -162,16 +164,16 @@ class LiveRetargeting:
         # Functions are built and compiled now, not while the person moves.
         self._metric.kernels.available()
         rotations, positions = self.mapping(np.array([zero, zero]))
-        still = np.zeros(robot.dof)
-        self._tracker.speeds(q, still, rotations[0], positions[0], np.zeros(6))
-        self._stops.after(q, still, still, still, self._stop)
+        still, past = np.zeros(robot.dof), np.zeros((count + 1, robot.dof))
+        weight = robot.inverse_dynamics(q, still, still, self._gravity)
+        self._sent = Averages(self._step, past, q, still, still, weight)
+        self._tracker.speeds(q, still, rotations[0], positions[0], np.zeros(6), sent=self._sent)
+        self._stops.after(q, self._sent, still, self._stop)
         self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
         self._time, self._ticks = -np.inf, 0
         self._begin, self._counted = 0.0, 0  # of steps without a pause, to check their rate
         self._target = q  # configuration after the steps of constant speed
-        self._speeds = deque(np.zeros((self._count + 1, robot.dof)), maxlen=self._count + 1)
-        self.command = self._command(0.0, q, still, still)
-        self._force = self.command.torque  # where the last step of constant speed began
+        self.command = LiveCommand(0.0, q, still, still, weight)
 
     def __repr__(self) -> str:
         arms = f"{self.person.name} on {self.robot.name}"
@@ -185,8 +187,10 @@ class LiveRetargeting:
     def step(self, time: float, q: ArrayLike | None = None) -> LiveCommand:
         """Return the command for the end of the step that begins now.
 
-        It is called once in every step of the robot. After a gap of more than two steps the robot
-        brakes and rests, after some 90 steps at most; with the next sample it goes on.
+        It is called once in every step of the robot. Its work is bounded, but Python's collection
+        of garbage may interrupt it for some 50 ms; not after `gc.freeze()`. After a gap of more
+        than two steps the robot brakes and rests, after 90 steps and the delay at most; with the
+        next sample it goes on.
 
         Args:
             time: [s], later than in the step before; that of the sample.
@@ -214,22 +218,21 @@ class LiveRetargeting:
             self._metric.check_units("q", sample)
             self._add(time, sample)
         self._time, self._counted = time, self._counted + 1
-        before = self._speeds[-1]
+        before, sent = self._sent.past[-1], self._sent
         if self._samples and time - self._samples[-1][0] <= _GAP * self._step:
             rotations, positions = self.mapping(self._expected(time))
             turn = rotations[1] @ rotations[0].T
             turning = (turn - turn.T)[[2, 0, 1], [1, 2, 0]] / 2.0  # of small angles
             velocity = np.append(positions[1] - positions[0], turning) / self._step
             pose = rotations[0], positions[0]
-            given = self._target, before, self._force
-            speeds = self._tracker.speeds(*given[:2], *pose, velocity, force=given[2])
-            speeds, self._stop = self._stops.after(*given, speeds, self._stop)
+            speeds = self._tracker.speeds(self._target, before, *pose, velocity, sent=sent)
+            speeds, self._stop = self._stops.after(self._target, sent, speeds, self._stop)
         else:
             speeds, self._stop = self._stop[0], np.vstack([self._stop[1:], 0.0 * before])
-        self._force = self._tracker.torques(self._target, before, speeds)
         self._target = self._target + self._step * speeds
-        self._speeds.append(speeds)
-        self.command = self._smoothed()
+        self._sent, self._ticks = sent.after(speeds, self.robot, self._gravity), self._ticks + 1
+        state = (self._sent.position, self._sent.velocity, self._sent.acceleration)
+        self.command = LiveCommand(self._ticks * self._step, *state, self._sent.torque)
         return self.command
 
     def _add(self, time: float, q: Array) -> None:
@@ -268,20 +271,3 @@ class LiveRetargeting:
         bend = self._metric.transport_matrices(state)[0] @ velocity / 2.0
         since = time - touched + np.array([[0.0], [self._step]])
         return np.asarray(position + since * velocity + since**2 * bend)
-
-    def _smoothed(self) -> LiveCommand:
-        """Return the command that follows, from the averages over the last steps."""
-        h, last = self._step, self.command
-        speeds = np.array(self._speeds)
-        # The first average, over a step, has these speeds at the ends of the steps.
-        velocity = (speeds[1:] + speeds[:-1]).mean(axis=0) / 2.0
-        acceleration = (speeds[-1] - speeds[0]) / (h * self._count)
-        jerk = (acceleration - last.acceleration) / h
-        position = last.position + h * (
-            last.velocity + h * (last.acceleration / 2.0 + h * jerk / 6.0)
-        )
-        self._ticks += 1
-        return self._command(self._ticks * h, position, velocity, acceleration)
-
-    def _command(self, time: float, q: Array, v: Array, a: Array) -> LiveCommand:
-        return LiveCommand(time, q, v, a, self.robot.inverse_dynamics(q, v, a, self._gravity))

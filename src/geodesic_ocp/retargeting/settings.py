@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, cast, get_args
 
 import casadi as ca
 import numpy as np
@@ -27,6 +27,9 @@ from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance
 
 Formulation = Literal["constrained", "geodesic"]
+Tolerance: TypeAlias = tuple[float | str, float | str]
+# Of a distance and of an angle, in m and rad; a unit follows those that end in it.
+_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}, {"deg": np.pi / 180.0, "rad": 1.0}
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,13 +55,16 @@ class RetargetingSettings(ShortRepr):
         stretch_weight: weight of time beyond the person's, relative to the recording's duration.
         deviation_weight: weight of the trajectory's distance from the paths against time; larger
             values round the corners between synergies less.
-        pose_tolerance: distance [m] and angle [rad] by which the hand may miss a pose where that
-            saves a detour. A rest in which the person's hand drifts farther becomes a movement. A
-            pose that is missed by more, as it may be out of reach, makes the result no success.
+        pose_tolerance: distance and angle by which the hand may miss a pose where that saves a
+            detour, 10 mm and 5 degrees by default: numbers [m, rad], or texts with a unit such as
+            "10mm" (m, cm, mm) and "5deg" (rad, deg). A rest in which the person's hand drifts
+            farther becomes a movement. A pose that is missed by more, as it may be out of reach,
+            makes the result no success.
         exact: attain every pose that is within reach; as a pose tolerance of zero.
-        path_tolerance: distance [m] and angle [rad] between the robot's hand and the person's that
-            cost little between the poses; what is beyond costs in proportion. Larger values save
-            energy and time; inf leaves the hand free between the poses.
+        path_tolerance: distance and angle between the robot's hand and the person's that cost
+            little between the poses, 30 mm and 5.7 degrees by default, given likewise; what is
+            beyond costs in proportion. Larger values save energy and time; inf leaves the hand free
+            between the poses.
         posture_weight: weight of the joints' mean squared distance from the middle of their ranges
             at the ends of the synergies, in half ranges.
         likeness_weight: weight of the mean squared difference between the elbow's offset from the
@@ -104,9 +110,9 @@ class RetargetingSettings(ShortRepr):
     rotor_inertia: bool = True
     stretch_weight: float = 5.0
     deviation_weight: float = 1.0
-    pose_tolerance: tuple[float, float] = (0.01, 0.087)
+    pose_tolerance: Tolerance = (0.01, 0.087)
     exact: bool = False
-    path_tolerance: tuple[float, float] = (0.03, 0.1)
+    path_tolerance: Tolerance = (0.03, 0.1)
     posture_weight: float = 0.0
     likeness_weight: float = 30.0
     position_weight: float = 1.0
@@ -138,18 +144,19 @@ class RetargetingSettings(ShortRepr):
             value = getattr(self, name)
             if value is not None and as_number(name, value) < 0.0:
                 raise ValueError(f"{name} must be zero or above, got {value:g}")
-        for name in ("pose_tolerance", "path_tolerance"):
-            if np.shape(given := getattr(self, name)) != (2,):
-                raise ValueError(f"{name} must be a distance [m] and an angle [rad], got {given!r}")
-        for value, unit in zip(self.path_tolerance, ("m", "rad"), strict=True):
+        pose, path = (
+            _distance_and_angle(name, getattr(self, name))
+            for name in ("pose_tolerance", "path_tolerance")
+        )
+        object.__setattr__(self, "pose_tolerance", pose)
+        object.__setattr__(self, "path_tolerance", path)
+        for value, unit in zip(path, ("m", "rad"), strict=True):
             if value != np.inf:
                 as_positive("path_tolerance", value, unit)
-        for value, unit in zip(self.pose_tolerance, ("m", "rad"), strict=True):
+        for value, unit in zip(pose, ("m", "rad"), strict=True):
             as_not_negative("pose_tolerance", value, unit)
-        if self.pose_tolerance[1] > np.pi:
-            raise ValueError(
-                f"pose_tolerance: the angle is in rad, at most pi, got {self.pose_tolerance[1]:g}"
-            )
+        if pose[1] > np.pi:
+            raise ValueError(f"pose_tolerance: the angle is in rad, at most pi, got {pose[1]:g}")
         if self.position_weight == self.orientation_weight == 0.0:
             raise ValueError("position_weight and orientation_weight must be not both zero")
         for name in ("energy_weight", "stretch_weight", "deviation_weight"):
@@ -174,7 +181,7 @@ class RetargetingSettings(ShortRepr):
     @property
     def allowed_miss(self) -> tuple[float, float]:
         """Distance [m] and angle [rad] by which poses may be missed."""
-        return (0.0, 0.0) if self.exact else self.pose_tolerance
+        return (0.0, 0.0) if self.exact else cast(tuple[float, float], self.pose_tolerance)
 
     @property
     def collisions(self) -> CollisionAvoidance:
@@ -200,6 +207,23 @@ class RetargetingSettings(ShortRepr):
     def pose_weights(self) -> tuple[float, float]:
         """Weights of position and orientation; one for those left free, which do not count."""
         return self.position_weight or 1.0, self.orientation_weight or 1.0
+
+
+def _distance_and_angle(name: str, given: Tolerance) -> tuple[float, float]:
+    """Return a distance [m] and an angle [rad] from numbers, or texts such as "10mm" and "5deg"."""
+    try:
+        distance, angle = (
+            float(text.removesuffix(unit)) * units.get(unit, 1.0)
+            for value, units in zip(given, _UNITS, strict=True)
+            for text in [str(value)]
+            for unit in [next(filter(text.endswith, units), "")]
+        )
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name} must be a distance [m] and an angle [rad], or with units such as 10mm 5deg, "
+            f"got {given!r}"
+        ) from None
+    return distance, angle
 
 
 _CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations

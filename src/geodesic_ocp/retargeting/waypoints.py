@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -329,7 +330,7 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         offsets=offsets,
         allowed=tuple((float(distance), float(angle)) for distance, angle in allowed),
         weights=settings.pose_weights,
-        path_tolerance=settings.path_tolerance,
+        path_tolerance=cast(tuple[float, float], settings.path_tolerance),
         others=tuple(each.target for each in mappings[1:]),
         turns=mappings[0].waist_turns(q),
     )
