@@ -36,6 +36,7 @@ def check_trajectory(
     robot: list[str],
     hand: list[str] | None = None,
     base: str | None = None,
+    srdf: Path | None = None,
     alignment: list[Path] | None = None,
     aligned: Flag = False,
     gravity: tuple[float, float, float] | None = None,
@@ -56,6 +57,7 @@ def check_trajectory(
         hand: hand frame, for a robot from a file; one for all or for each --robot, or the hands of
             a body.
         base: fixed frame of the robot that becomes its base.
+        srdf: SRDF file of the robot, as for retarget.
         alignment: alignment with a person, as written by geodesic-ocp align: gravity is along the
             person's body; one for each --robot.
         aligned: gravity as for a robot that is mounted by its alignment, as by geodesic-ocp
@@ -78,7 +80,8 @@ def check_trajectory(
     with printed_warnings():
         hands = _hands(hand or [], len(robot))
         robots = [
-            load_model(name, hand=own, base=base) for name, own in zip(robot, hands, strict=True)
+            load_model(name, hand=own, base=base, srdf=srdf)
+            for name, own in zip(robot, hands, strict=True)
         ]
     free_fall = _free_fall(robots, gravity, aligned, alignment or ())
     if rotor_inertia:
