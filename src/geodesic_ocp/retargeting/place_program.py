@@ -32,9 +32,7 @@ from geodesic_ocp.retargeting.paths_program import TOO_NEAR, distance_terms, lin
 from geodesic_ocp.retargeting.settings import BEYOND
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, weakness
 
-# From how far above its bound on a distance enters the program, [m] and by its bound: of links that
-# are always close, which have a small one, it would take long to say whether they are closer.
-_NEAR, _NEAR_BOUND = 0.02, 2.0
+_NEAR = 0.02  # [m] above its bound, from which on a distance enters the program
 _APART = 8  # programs at most, each with the distances that are too small after the last one
 _IPOPT = {"tol": 1e-4, "max_iter": 200, "mu_init": 1e-2, "mu_strategy": "adaptive"}
 _EXACT = 1e3  # root of the weight of squared pose errors [1/m], [1/rad]
@@ -121,13 +119,12 @@ class PlaceProgram:
         """
         if self.clearance is None:
             return {}, 0.0
-        near = np.minimum(_NEAR, _NEAR_BOUND * self.clearance.lower)
-        active, below = active_rows(self.clearance, q, near), self.clearance.at(q) - near + BEYOND
+        active = active_rows(self.clearance, q, _NEAR)
+        below = self.clearance.at(q) - _NEAR + BEYOND
         found = {key: min(least, float(below[key])) for key, least in known.items()}
         pairs = zip(active.samples.tolist(), active.rows.tolist(), strict=True)
-        lower = active.lower - near[active.rows] + BEYOND
-        found |= zip(pairs, lower.tolist(), strict=True)
-        return found, float(np.maximum(active.lacks - near[active.rows], 0.0).sum())
+        found |= zip(pairs, (active.lower - _NEAR + BEYOND).tolist(), strict=True)
+        return found, float(np.maximum(active.lacks - _NEAR, 0.0).sum())
 
     def _distances(self, rows: Mapping[tuple[int, int], float], first: int) -> list[Block]:
         """Return the blocks of distances, whose slacks are the variables from `first` on."""
