@@ -109,6 +109,32 @@ def test_pairs_that_the_srdf_of_a_robot_disables_are_exempt(tmp_path: Path) -> N
     assert len(beside.exempt) == 2  # of each robot, not between them
 
 
+def test_an_srdf_that_is_given_takes_the_place_of_the_one_beside_the_urdf(tmp_path: Path) -> None:
+    pair = '<disable_collisions link1="{}" link2="three" reason="User"/>'
+    content = '<robot name="{}">' + pair + "</robot>"
+    (tmp_path / "srdf").mkdir()
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "urdf" / "boxes.urdf").write_text(boxes())
+    (tmp_path / "srdf" / "boxes.srdf").write_text(content.format("boxes", "one"))
+    file = tmp_path / "mine.srdf"
+
+    def load() -> go.Model:
+        return go.load_model(tmp_path / "urdf" / "boxes.urdf", hand="three", srdf=file)
+
+    file.write_text(content.format("boxes", "base"))
+    assert link_pairs(load()).exempt == {("base", "three"): "mine.srdf"}
+    for given, message in (
+        (content.format("spheres", "base"), "for the robot 'spheres'"),
+        (content.format("boxes", "gone"), "disables no collisions of links of 'boxes'"),
+        ("<robot", "no file of XML"),
+    ):
+        file.write_text(given)
+        with pytest.raises(ValueError, match=message):
+            load()
+    with pytest.raises(ValueError, match="have no geometry"):
+        go.load_model(go.human_arm().pin, hand="right hand", srdf=file)
+
+
 def test_the_margin_of_a_pair_is_half_of_what_it_can_reach() -> None:
     """Two balls on the axis of both joints between them are 20 mm apart in any configuration."""
     balls = {"base": ("0 0 0.05", 0.04), "one": ("0.3 0 0", 0.02), "two": ("0 0 -0.05", 0.04)}

@@ -19,10 +19,13 @@ from small_retargeting import small_analysis
 
 import geodesic_ocp as go
 from geodesic_ocp.blocks import BlockProgram
+from geodesic_ocp.execution.clearance import largest_lacks
 from geodesic_ocp.progress import no_progress
 from geodesic_ocp.retargeting.paired_arm import PairedArm
 from geodesic_ocp.retargeting.pairing import paired_arms
+from geodesic_ocp.retargeting.place_program import PlaceProgram
 from geodesic_ocp.retargeting.reachability import nearest_poses, random_starts
+from geodesic_ocp.retargeting.settings import BEYOND, motion_clearance
 
 place_base = import_module("geodesic_ocp.retargeting.place_base")
 retarget = import_module("geodesic_ocp.retargeting.retarget")
@@ -112,6 +115,27 @@ def test_the_program_of_the_place_starts_on_its_equalities(
     search = place_base._BaseSearch((pair,), -bounds, bounds, False, None)
     search._polished(search.mounted(np.zeros(4), False), 0.9)
     assert max(missed) < 1e-9
+
+
+@needs_robots
+def test_bounds_from_where_links_overlapped_do_not_exclude_configurations_that_are_clear() -> None:
+    robot = go.load_model("panda")
+    clearance = motion_clearance([robot], go.RetargetingSettings())
+    assert clearance is not None
+    q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (60, robot.dof))
+    program = PlaceProgram((), (), (), np.zeros(4), np.zeros(4), clearance)
+    lacks = largest_lacks(replace(clearance, lower=clearance.lower + BEYOND), q)
+    kept = [program._small_distances(each[None], {})[0] for each in q[lacks > 0.02]]
+    stricter = 0
+    for each in q[lacks == 0.0]:
+        distances = clearance.at(each[None])
+        for bounds in kept:
+            found, lack = program._small_distances(each[None], bounds)
+            assert lack == 0.0
+            assert bounds.keys() <= found.keys()
+            assert all(least <= distances[key] + 1e-9 for key, least in found.items())
+            stricter += sum(least > distances[key] for key, least in bounds.items())
+    assert stricter > 0
 
 
 @pytest.mark.parametrize(("scale", "factor"), [(None, 0.95), (1.0, 1.0)])

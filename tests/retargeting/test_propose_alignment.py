@@ -136,6 +136,9 @@ def test_a_lift_before_the_arm_does_not_spoil_its_shoulder() -> None:
     assert_allclose(found.shoulder, [0.0, 0.0, 0.35], atol=1e-9)
     assert found.length == pytest.approx(0.91, abs=1e-6)
     assert "column before it" in assumptions[0]
+    base = assumptions[0].partition("--base ")[2].partition(")")[0]
+    arm = go.load_model(six_joints(lift=True), hand="flange", base=base)
+    assert arm.joint_names == tuple(each for each in robot.joint_names if each != "column")
     assert_allclose(np.asarray(found.base)[:, 2], [0, 0, 1], atol=1e-9)
 
 

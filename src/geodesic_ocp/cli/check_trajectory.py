@@ -38,6 +38,7 @@ def check_trajectory(
     robot: list[str],
     hand: list[str] | None = None,
     base: list[str] | None = None,
+    srdf: Path | None = None,
     alignment: list[Path] | None = None,
     aligned: Flag = False,
     gravity: tuple[float, float, float] | None = None,
@@ -59,6 +60,7 @@ def check_trajectory(
         hand: hand frame, for a robot from a file; one for all or for each --robot, or the hands of
             a body.
         base: fixed frame of the robot that becomes its base; one for all or for each --robot.
+        srdf: SRDF file of the robot, as for retarget.
         alignment: alignment with a person, as written by geodesic-ocp align: gravity is along the
             person's body; one for each --robot, or for each hand of a body.
         aligned: gravity as for a robot that is mounted by its alignment, as by geodesic-ocp
@@ -81,8 +83,12 @@ def check_trajectory(
     with printed_warnings():
         names = robot if hand else arms_that_move(robot, trajectory.joint_names)
         hands = [hand] if hand and len(robot) == 1 else _for_each("hand", hand, len(robot))
-        frames = zip(names, hands, _for_each("base", base, len(robot)), strict=True)
-        robots = [load_model(name, hand=own, base=root) for name, own, root in frames]
+        robots = [
+            load_model(name, hand=own, base=root, srdf=srdf)
+            for name, own, root in zip(
+                names, hands, _for_each("base", base, len(robot)), strict=True
+            )
+        ]
         free_fall = _free_fall(robots, gravity, aligned, alignment or ())
     if rotor_inertia:
         robots = [with_rotor_inertia(each) for each in robots]

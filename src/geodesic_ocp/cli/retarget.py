@@ -60,6 +60,7 @@ def retarget(
     side: Sides = "right",
     hand: list[str] | None = None,
     base: list[str] | None = None,
+    srdf: Path | None = None,
     alignment: list[Path] | None = None,
     mount: Mount | None = None,
     payload: str | None = None,
@@ -86,6 +87,8 @@ def retarget(
             left one of a body.
         base: fixed frame of the robot that becomes its base, before which joints are locked; one
             for each --robot.
+        srdf: SRDF file of the robot, whose disabled pairs of links are not kept apart (default: the
+            one in the folder srdf beside that of the URDF).
         alignment: file of the robot's alignment with the person, as written by geodesic-ocp align;
             one for each --robot, or for each hand of a body.
         mount: auto: move the robot's base from where the alignment has it, by up to 0.3 m and 90
@@ -115,7 +118,10 @@ def retarget(
     of_arms = hand or (), base or (), alignment or ()
     is_body = side == "both" and len(robot) == 1
     sides: list[Sides] = [side] if is_body else [*each_side(side)]
-    arms = [_body(robot[0], *of_arms)] if is_body else _arms(robot, each_side(side), *of_arms)
+    if is_body:
+        arms = [_body(robot[0], *of_arms, srdf)]
+    else:
+        arms = _arms(robot, each_side(side), *of_arms, srdf)
     bodies = tuple(map(as_obstacle, obstacle or ()))
     retargeting = replace(retargeting, obstacles=bodies)
     robots, limits = joint_limits.of_robots([with_load(each, payload) for each, _ in arms])
@@ -159,7 +165,13 @@ def demo(
     return _transfer([analysis], arms, joints, transfer, 100.0, out / robot)
 
 
-def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence[Path]) -> _Arm:
+def _body(
+    name: str,
+    hands: Sequence[str],
+    bases: Sequence[str],
+    files: Sequence[Path],
+    srdf: Path | None,
+) -> _Arm:
     """Return a robot with both arms, and the alignments of its hands.
 
     Raises:
@@ -175,7 +187,8 @@ def _body(name: str, hands: Sequence[str], bases: Sequence[str], files: Sequence
             f"{', '.join(_bodies())}, got {name}"
         )
     with printed_warnings():
-        robot = load_model(name, hand=hands or None, base=bases[0] if bases else None)
+        base = bases[0] if bases else None
+        robot = load_model(name, hand=hands or None, base=base, srdf=srdf)
         if files and len(files) != len(robot.hands):
             raise ValueError(f"--alignment: one for each of the hands {', '.join(robot.hands)}")
         if files:
@@ -193,6 +206,7 @@ def _arms(
     hands: Sequence[str] = (),
     bases: Sequence[str] = (),
     alignments: Sequence[Path] = (),
+    srdf: Path | None = None,
 ) -> list[_Arm]:
     count = len(sides)
     if len(names) != count:
@@ -208,7 +222,7 @@ def _arms(
         for name, side, hand, base, file in pairs:
             if hand is None and name in _bodies():
                 name = ROBOTS[name].arms[side == "left"]
-            robot = load_model(name, hand=hand, base=base)
+            robot = load_model(name, hand=hand, base=base, srdf=srdf)
             arms.append((robot, None if file is None else [read_alignment(file)]))
     return arms
 

@@ -75,7 +75,7 @@ class LinkPairs(ShortRepr):
         parts = [f"{len(self.constrained)} pairs of links are kept apart"]
         if self.exact_only:
             names = ", ".join(f"{one} to {other}" for one, other in self.exact_only)
-            parts.append(f"checked and not constrained, as capsules are too wide for them: {names}")
+            parts.append(f"capsules are too wide for the exact distances of {names}")
         for (one, other), reach in self.reach.items():
             away = f"{one} to {other}, which are at most {1e3 * reach:.3g} mm apart"
             parts.append(f"kept apart by {1e3 * _CAP * reach:.2g} mm: {away}")

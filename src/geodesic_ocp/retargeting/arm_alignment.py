@@ -370,9 +370,12 @@ def proposal(robot: Model, side: Side | None = None) -> tuple[Alignment, tuple[s
     if found.crossing:
         reason = f"the shoulder is where the axes of {', '.join(found.crossing)} meet"
     if found.before:
+        last = found.before[-1]
+        carried = [x.name for x in robot.pin.frames if robot.pin.names[x.parentJoint] == last]
+        behind = next((name for name in carried if name != last), last)
         reason += (
             f", with {', '.join(found.before)} before it at zero; they move like the joints of the "
-            "arm, unless the robot's base is behind them (base, --base)"
+            f"arm, unless the robot's base is behind them (--base {behind})"
         )
     shoulder = np.round(found.shoulder, 9) + 0.0  # as it is to be read in a file
     aligned = Alignment(shoulder, base, hand, found.length, chosen, found.elbow, found.wrist)

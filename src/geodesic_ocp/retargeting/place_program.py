@@ -32,10 +32,8 @@ from geodesic_ocp.retargeting.paths_program import TOO_NEAR, distance_terms, lin
 from geodesic_ocp.retargeting.settings import BEYOND
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, weakness
 
-# From how far above its bound on a distance enters the program, [m] and by its bound: of links that
-# are always close, which have a small one, it would take long to say whether they are closer.
-_NEAR, _NEAR_BOUND = 0.02, 2.0
-_APART = 4  # programs at most, with more and more distances
+_NEAR = 0.02  # [m] above its bound, from which on a distance enters the program
+_APART = 8  # programs at most, each with the distances that are too small after the last one
 _IPOPT = {"tol": 1e-4, "max_iter": 200, "mu_init": 1e-2, "mu_strategy": "adaptive"}
 _EXACT = 1e3  # root of the weight of squared pose errors [1/m], [1/rad]
 
@@ -60,8 +58,8 @@ class PlaceProgram:
     clearance: Clearance | None
 
     def solve(self, place: Array, q: Array) -> Array:
-        """Return the place (4,) of the solution from a place and configurations (k, n) at the
-        waypoints of all recordings.
+        """Return the place (4,) at which distances lack least, of the solutions from a place and
+        configurations (k, n) at the waypoints of all recordings.
         """
         robot, first = self.arms[0].arm, 4
         n, aligned = robot.dof, self.alignments
@@ -95,31 +93,38 @@ class PlaceProgram:
         missed = _EXACT * off.ravel()  # so that the start meets the equalities
         lower = np.concatenate([self.lower, np.tile(robot.lower, len(q)), -free])
         upper = np.concatenate([self.upper, np.tile(robot.upper, len(q)), free])
-        last = first + misses.size
-        for number in range(_APART):
-            more = self._small_distances(q)
-            if number and more.keys() <= kept.keys():
+        last, best, least = first + misses.size, place, np.inf
+        for number in range(_APART + 1):
+            kept, lacks = self._small_distances(q, kept)
+            if number and lacks < least:
+                best, least = place, lacks
+            if number == _APART or least == 0.0:
                 break
-            kept |= more
             slack = np.zeros(len(kept))
             bounds = np.append(lower, slack), np.append(upper, slack + np.inf)
             program = BlockProgram(last + slack.size, blocks + self._distances(kept, last))
             found = program.solve(np.hstack([place, q.ravel(), missed, slack]), bounds, _IPOPT)
             place, q, missed, _ = np.split(found.x, [4, first, last])
             q = q.reshape(-1, n)
-        return place
+        return best
 
-    def _small_distances(self, q: Array) -> dict[tuple[int, int], float]:
-        """Return bounds [m] of the distances that are small at configurations (k, n), by the
-        numbers of configuration and distance.
+    def _small_distances(
+        self, q: Array, known: Mapping[tuple[int, int], float]
+    ) -> tuple[dict[tuple[int, int], float], float]:
+        """Return bounds [m] of the distances that are small at configurations (k, n), or were so
+        before, by the numbers of configuration and distance; and the sum of what they lack [m].
+
+        What was small before, and is not any more, may become smaller again by as much as it is
+        known to be above its bound: a bound from where links overlapped would exclude too much.
         """
         if self.clearance is None:
-            return {}
-        near = np.minimum(_NEAR, _NEAR_BOUND * self.clearance.lower)
-        active = active_rows(self.clearance, q, near)
+            return {}, 0.0
+        active = active_rows(self.clearance, q, _NEAR)
+        below = self.clearance.at(q) - _NEAR + BEYOND
+        found = {key: min(least, float(below[key])) for key, least in known.items()}
         pairs = zip(active.samples.tolist(), active.rows.tolist(), strict=True)
-        lower = active.lower - near[active.rows] + BEYOND
-        return dict(zip(pairs, lower.tolist(), strict=True))
+        found |= zip(pairs, (active.lower - _NEAR + BEYOND).tolist(), strict=True)
+        return found, float(np.maximum(active.lacks - _NEAR, 0.0).sum())
 
     def _distances(self, rows: Mapping[tuple[int, int], float], first: int) -> list[Block]:
         """Return the blocks of distances, whose slacks are the variables from `first` on."""

@@ -17,7 +17,7 @@ from geodesic_ocp.drawing.analysis_figure import draw_overview, widest_of_thirds
 from geodesic_ocp.drawing.retargeting_strips import retargeting_strips
 from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
-from geodesic_ocp.execution.clearance import Clearance, least_distances
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.motion_measures import measures_table
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.records import write_together
@@ -27,7 +27,7 @@ from geodesic_ocp.retargeting.arm_result import (
     RetargetedArm,
     compare_under_equal_limits,
 )
-from geodesic_ocp.retargeting.settings import RetargetingSettings, links_apart
+from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.tables import markdown, new_table, save_tables
@@ -350,8 +350,8 @@ _ROUNDED = 1.001  # times a share, as the motion is sampled
 
 
 def warn_of_detours(result: Retargeting) -> None:
-    """Warn of missed poses, detours of the hand, slow synergies, links that come too near or nearer
-    than the margin, and torques beyond the share.
+    """Warn of missed poses, detours of the hand, slow synergies, links that come too near, and
+    torques beyond the share.
 
     Warns:
         UserWarning: one, with a sentence for each.
@@ -364,7 +364,7 @@ def warn_of_detours(result: Retargeting) -> None:
         found.append("links touch on the trajectory, as `Retargeting.check` says in detail")
     for arm in result.arms:
         found += [*_missed_poses(arm), *_of_arm(arm)]
-    found += [*_beyond_share(result), *nearer_than_margin(result)]
+    found += _beyond_share(result)
     if found:
         more = f"; and {len(found) - _REPORTED} more" if len(found) > _REPORTED else ""
         warnings.warn("; ".join(found[:_REPORTED]) + more, UserWarning, 4)
@@ -381,28 +381,6 @@ def _beyond_share(result: Retargeting) -> Iterator[str]:
         yield (
             f"{result.joint_names[joint]} takes {taken[joint]:.3g} of its torque limit, more than "
             f"the share of {share:.3g}, as much of it holds the arm"
-        )
-
-
-def nearer_than_margin(result: Retargeting) -> Iterator[str]:
-    """Yield links that come nearer than the margin, as they need not keep it, see `links_apart`."""
-    settings = result.settings
-    if result.clearance is None or not settings.self_collision or settings.pairs:
-        return
-    robots = tuple(arm.robot for arm in result.bodies)
-    kept, margins = links_apart(robots, settings.margin)
-    if kept is None or not np.any(less := kept.lower < margins):
-        return
-    least, samples = least_distances(replace(kept, lower=margins), result.trajectory.positions)
-    named = dict[str, int]()
-    for k in np.argsort(least).tolist():
-        if less[k] and least[k] < margins[k]:
-            named.setdefault(kept.names[k].partition(" (")[0], k)
-    for name, k in named.items():
-        yield (
-            f"{name} come as near as {1e3 * least[k]:.2g} mm at "
-            f"{result.trajectory.time[samples[k]]:.2f} s, less than the margin of "
-            f"{1e3 * margins[k]:.2g} mm, as they are near each other in most configurations"
         )
 
 

@@ -86,8 +86,8 @@ class RetargetingSettings(ShortRepr):
         links: names of the links that are kept clear of obstacles; see `Reach`.
         pairs: pairs of links kept apart, in place of the pairs found for `self_collision`; see
             `execution.link_pairs`.
-        margin: smallest distance allowed between links [m]. Links near each other in most
-            configurations need not keep it, but 2 mm; a note names those that come nearer.
+        margin: smallest distance allowed between links [m]; of links that never come twice as far
+            apart, half of the largest distance that they can have.
         obstacle_margin: smallest distance allowed to obstacles [m]; default: that between links.
         num_starts: number of geodesics sought for each synergy in the formulation "geodesic", of
             which the geodesic of least energy is taken.
@@ -226,7 +226,6 @@ def _distance_and_angle(name: str, given: Tolerance) -> tuple[float, float]:
     return distance, angle
 
 
-_CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
 BEYOND = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _MANY = 256  # configurations, in one of which a link must not overlap an obstacle
 _LESS = BEYOND  # [m] by which it may come nearer than the capsules on a path
@@ -238,8 +237,7 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     known.
 
     Pairs of links whose capsules overlap although the links are apart are among them, as the exact
-    geometry decides (`active_rows`). Most of these are neighbours that are always near each other:
-    they must not touch.
+    geometry decides (`active_rows`).
 
     Raises:
         ValueError: links or pairs without collision bodies, or an obstacle that a link
@@ -249,7 +247,7 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
         return None
     found, q = list[Clearance](), ca.SX.sym("q", sum(robot.dof for robot in robots))
     if settings.self_collision and not settings.pairs:
-        found += filter(None, [links_apart(tuple(robots), settings.margin)[0]])
+        found += filter(None, [_links_apart(tuple(robots), settings.margin)])
     first = 0
     for robot in robots:
         own = q[first : first + robot.dof]
@@ -275,20 +273,11 @@ def _check_obstacles(distances: ca.Function, robots: Sequence[Model], names: Seq
 
 
 @lru_cache(maxsize=8)
-def links_apart(robots: tuple[Model, ...], margin: float) -> tuple[Clearance | None, Array]:
-    """Return the distances of links that are kept, and the margins of all of them (m,), as links
-    that are near each other in most configurations keep a smaller distance.
-    """
+def _links_apart(robots: tuple[Model, ...], margin: float) -> Clearance | None:
     pairs = link_pairs(robots, margin=margin)
     both = (*pairs.constrained, *pairs.exact_only)  # without excess: the exact distances decide
     kept = replace(pairs, constrained=both, excess=(0.0,) * len(both))
-    every = keep_clear(robots, pairs=kept, margin=margin)
-    if every is None:
-        return None, np.zeros(0)
-    close = {f"{one} to {other}" for one, other in pairs.exact_only}
-    wide = [name.partition(" (")[0] in close for name in every.names]
-    lower = np.where(wide, np.minimum(_CLOSE, every.lower), every.lower)
-    return replace(every, lower=lower), every.lower
+    return keep_clear(robots, pairs=kept, margin=margin)
 
 
 def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Clearance:

@@ -6,6 +6,7 @@ import difflib
 import textwrap
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import cast, get_args
@@ -35,10 +36,15 @@ from geodesic_ocp.model.formats.robots import (
     locate,
     on_demand,
 )
-from geodesic_ocp.model.formats.urdf import set_armature, srdf_armature
+from geodesic_ocp.model.formats.urdf import (
+    disabled_collisions,
+    set_armature,
+    srdf_armature,
+)
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.inertias import check_inertias
 from geodesic_ocp.model.joints import DEFAULT_LIMIT, frame_index, motion_subspace
+from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.model import Model
 
 _SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro")
@@ -56,6 +62,7 @@ def load_model(
     configuration: Mapping[str, float] | None = None,
     height: float | None = None,
     mass: float | None = None,
+    srdf: str | PathLike[str] | None = None,
     backend: str | None = None,
 ) -> Model:
     """Load a Model of the joints between a base and one or more hands (end-effectors), or of given
@@ -92,12 +99,16 @@ def load_model(
             or the limit closest to it, and for a mimic joint the value that its leader implies. The
             lift of a `tiago-pro-right-arm` or `-left-arm` is raised, to 0.35 m.
         height, mass: body height [m] and mass [kg], for MMM models; 1.75 m and 70 kg by default.
+        srdf: SRDF file that says which pairs of links are not checked for collisions; None: those
+            in the folder `srdf` beside that of the URDF. What it disables for the reason "Default"
+            is checked all the same (`execution.link_pairs`).
         backend: back end of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
         ValueError: the source cannot be found or read; a name is unknown; a moving joint does not
             have one degree of freedom of its own (spherical, free-flyer, mimic); a moving link has
-            no mass or an inertia that is not positive definite. Names what is wrong.
+            no mass or an inertia that is not positive definite; the SRDF is none, or for another
+            robot. Names what is wrong.
     """
     given = tuple(hand) if isinstance(hand, (list, tuple)) else () if hand is None else (hand,)
     description, hands, base = _read(source, given, base, height, mass)
@@ -125,6 +136,10 @@ def load_model(
     of_file = model.armature.any() and not isinstance(source, pin.Model)
     origin, continuous = "the file" if of_file else "", _limit_unlimited(model)
     shapes = description.shapes
+    if srdf is not None:
+        if not isinstance(shapes, LinkGeometry):
+            raise ValueError(f"srdf: links of {whole.name!r} have no geometry")
+        shapes = replace(shapes, disabled=disabled_collisions(Path(srdf), whole))
     loaded = Model(model, hands[0], backend, continuous, shapes, hands, armature_from=origin)
     check_inertias(loaded.pin)
     return loaded

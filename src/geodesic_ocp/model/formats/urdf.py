@@ -213,11 +213,31 @@ def srdf_disabled_collisions(urdf: Path) -> dict[frozenset[str], str]:
     The SRDF is found as in `srdf_armature`.
     """
     return {
-        frozenset((pair.get("link1", ""), pair.get("link2", ""))): file.name
-        for file, root in _srdf_files(urdf)
-        for pair in root.iterfind("disable_collisions")
-        if pair.get("reason") != "Default"
+        pair: file.name for file, root in _srdf_files(urdf) for pair in _disabled_collisions(root)
     }
+
+
+def disabled_collisions(srdf: Path, robot: pin.Model) -> dict[frozenset[str], str]:
+    """Return the pairs of links whose collisions a given SRDF disables, as
+    `srdf_disabled_collisions`.
+
+    Raises:
+        ValueError: it cannot be read, is for another robot, or disables no collisions of its links.
+    """
+    root = _root(srdf)
+    if root is None or root.get("name") != robot.name:
+        whose = "no file of XML" if root is None else f"for the robot {root.get('name')!r}"
+        raise ValueError(f"srdf: {srdf} is {whose}, and must be an SRDF for {robot.name!r}")
+    pairs = [pair for pair in _disabled_collisions(root) if all(map(robot.existFrame, pair))]
+    if not pairs:
+        raise ValueError(f"srdf: {srdf} disables no collisions of links of {robot.name!r}")
+    return dict.fromkeys(pairs, srdf.name)
+
+
+def _disabled_collisions(srdf: ET.Element) -> Iterator[frozenset[str]]:
+    for pair in srdf.iterfind("disable_collisions"):
+        if pair.get("reason") != "Default":
+            yield frozenset((pair.get("link1", ""), pair.get("link2", "")))
 
 
 def _srdf_files(urdf: Path) -> Iterator[tuple[Path, ET.Element]]:
