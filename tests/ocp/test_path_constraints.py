@@ -188,3 +188,32 @@ def test_single_values_in_place_of_lists_are_named(arm: go.Model) -> None:
         go.Reach(arm, START, TARGET, obstacles=[LAMP], links="right hand")
     with pytest.raises(ValueError, match="pairs must be a list of pairs"):
         go.Reach(arm, START, TARGET, pairs=("right upper arm", "right hand"))
+
+
+@dataclass(frozen=True)
+class PastThinDisc(go.Problem):
+    """A point moves 10 m past a disc of 3 mm, or of another size, near its straight line."""
+
+    radius: float = 2.99e-3
+    centre: tuple[float, float] = (4.8267, 1.95e-4)
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, [0.0, 0.0]), (q1, [10.0, 0.0])]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(self.radius, ca.norm_2(q - ca.DM(self.centre)), np.inf)]
+
+
+@pytest.mark.parametrize("tolerance", [None, 1e-3, 1e-6])
+@pytest.mark.parametrize("centre", [(4.8267, 1.95e-4), (7.1758, 2.09e-3)])
+def test_a_thin_body_between_two_samples_is_seen(
+    tolerance: float | None, centre: tuple[float, float]
+) -> None:
+    problem = PastThinDisc(centre=centre)
+    path = go.solve(problem, tolerance=tolerance).path
+    distances = np.linalg.norm(path(np.linspace(0.0, 1.0, 100_001)) - np.array(centre), axis=1)
+    assert distances.min() >= problem.radius - 1.1 * (tolerance or 1e-4)

@@ -117,3 +117,18 @@ def test_reach_without_position_can_be_replaced() -> None:
     assert dataclasses.replace(reach, limits=True).limits
     with pytest.raises(ValueError, match="free: directions"):
         go.Reach(arm, np.zeros(7), rotation=np.eye(3), free=(1.0, 0.0, 0.0))
+
+
+def test_a_hand_position_out_of_reach_gives_the_last_iterate(arm: go.Model) -> None:
+    solution = go.solve(go.Reach(arm, np.zeros(7), (5.0, 0.0, 0.0)), throw=False)
+    assert not solution.stats.success
+    assert "no configuration" in solution.stats.status
+
+
+def test_malformed_guess_and_options(arm: go.Model) -> None:
+    reach = go.Reach(arm, np.zeros(7), (0.2, 0.3, -0.2))
+    path = go.Path.through(go.Euclidean(2), [[0.0, 0.0], [1.0, 1.0]])
+    with pytest.raises(ValueError, match="guess has 2 coordinates, the problem 7"):
+        go.solve(reach, guess=path)
+    with pytest.raises(ValueError, match="ipopt must be options"):
+        go.solve(reach, ipopt=3)  # type: ignore[arg-type]

@@ -41,6 +41,57 @@ def test_one_grid_is_enough_where_the_error_of_its_objective_is_known() -> None:
     assert 0.0 < one.stats.gap < 1e-6 * one.stats.objective
 
 
+class Wavy(go.Metric):
+    """A line whose metric has many waves: nodes of a coarse grid all lie at the same phase."""
+
+    dim = 1
+
+    def __init__(self, waves: int) -> None:
+        self.waves = waves
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        return 1.0 + 0.5 * ca.cos(2.0 * np.pi * self.waves * q)
+
+
+@dataclass(frozen=True)
+class AlongLine(go.Problem):
+    waves: int = 8
+    farthest: float = 10.0
+
+    @property
+    def metric(self) -> go.Metric:
+        return Wavy(self.waves)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, [0.0]), (q1, [1.0])]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(-self.farthest, q, self.farthest)]
+
+
+@pytest.mark.parametrize("waves", [8, 16, 32])
+@pytest.mark.parametrize("farthest", [10.0, np.inf])
+def test_energy_is_right_where_a_coarse_grid_does_not_resolve_the_metric(
+    waves: int, farthest: float
+) -> None:
+    s = (np.arange(4096) + 0.5) / 4096.0
+    exact = np.mean(np.sqrt(1.0 + 0.5 * np.cos(2.0 * np.pi * s))) ** 2 / 2.0
+    solution = go.solve(AlongLine(waves, farthest), tolerance=1e-3)
+    assert solution.stats.objective == pytest.approx(exact, rel=1e-3, abs=0.0)
+
+
+def test_error_of_the_energy_counts_many_active_limits() -> None:
+    arm = go.human_arm()
+    start = np.array([0.3, 0.0, -0.4, 0.9, 0.0, 0.0, 0.0])
+    end = np.array([1.0, -0.4, 0.1, 1.5, -0.5, 0.3, 0.2])
+    speed = tuple(1.2 * np.abs(end - start) + 0.01)
+    problem = go.PointToPoint(go.KineticEnergy(arm), start, end, speed=speed)
+    solution = go.solve(problem, tolerance=1e-5)
+    assert solution.stats.gap <= 1e-5 * solution.stats.objective
+    better = go.solve(problem, guess=solution, tolerance=1e-6)
+    assert solution.stats.objective == pytest.approx(better.stats.objective, rel=1e-5, abs=0.0)
+
+
 @pytest.mark.slow
 def test_grid_is_finest_where_the_constraint_becomes_active() -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=1e-7)

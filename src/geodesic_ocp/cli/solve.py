@@ -41,7 +41,8 @@ def solve(
         file: Python file, such as problems/great_circle.py, which is run.
         set_: FIELD=VALUE with a Python literal, as in `--set radius=0.4 --set "goal=(1, 2)"`.
         problem: name of one of several classes in the file.
-        tolerance: refine the grid until the conditions hold to this everywhere.
+        tolerance: refine the grid until the conditions hold to this everywhere, and the energy to
+            this, relative.
         out: folder for figures and solutions (JSON).
     """
     check_folder(out)

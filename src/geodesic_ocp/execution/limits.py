@@ -401,5 +401,5 @@ def usable_torque(limit: Array, held: Array, share: float) -> Array:
         held: magnitudes of the torques that hold the arm (n,).
         share: above 0 and at most 1.
     """
-    usable = np.maximum(share * limit, np.minimum(limit, _MOVING * held))
+    usable = np.where(held > share * limit, np.minimum(limit, _MOVING * held), share * limit)
     return np.where(held > limit, np.inf, usable)

@@ -207,8 +207,8 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     conditions, metric = definition.conditions, definition.metric
     grid = _with_via_points(definition, grid, guess)
     bounds = definition.bounds(grid)
-    transcription = definition.transcription(grid)
     _check_fixed_ends(conditions, metric, bounds)
+    transcription = definition.transcription(grid)
     nodes = initial_nodes(definition, bounds, guess)
     units = _units(definition, transcription, grid, nodes)
     return NLP(definition, transcription, grid, bounds, units, nodes)

@@ -2,8 +2,9 @@
 
 A path is smooth between the points where a constraint becomes active or inactive; there its
 acceleration jumps, which no polynomial resolves. Segments are halved where conditions are violated
-between the nodes, or where the last terms of the polynomials still carry energy: what these
-carry, and the distance from bounds at which Ipopt stops, bound the error of the objective.
+between the nodes, or where the last terms of the polynomials still carry energy. The energy may
+still change by what these carry, or as it did from the grid before, and by Ipopt's distance from
+bounds, times multipliers.
 
 The energy of segments of lengths L_k on intervals of widths t_k is at least sum_k L_k^2 / (2 t_k),
 which is least where every L_k / t_k is equal. Solving and redistributing s alternate, accelerated
@@ -40,7 +41,6 @@ _FRACTION = 0.1
 _MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.
 _PATIENCE, _WORSE = 3, 1.2
-_ENOUGH = 4  # segments from which on their last terms tell the error: of one, it may be zero
 _STALE = 6  # rounds in which violations between nodes must halve
 
 
@@ -132,7 +132,8 @@ def _halved_until_fine(
     solve_on: SolveOn, samples: PathSamples, first: Solution, tolerance: float | None
 ) -> Solution:
     """Return the last solution, on grids whose coarse segments are halved until there are none."""
-    is_energy = first.conditions.cost.is_zero()
+    c = first.conditions
+    is_energy = c.cost.is_zero() and not (c.along_qv or c.via or c.on_end_velocities)
 
     def solve(start: tuple[Solution, Grid] | None) -> Solution:
         if start is None:
@@ -145,9 +146,8 @@ def _halved_until_fine(
         if not stats.success:
             return found, None
         unresolved = unresolved_energy(path)
-        error = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
-        if is_energy and path.grid.segments >= _ENOUGH:
-            error = min(error, float(unresolved.sum()) + stats.gap)
+        change = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
+        error = stats.gap + (min(change, float(unresolved.sum())) if is_energy else change)
         if tolerance is None:
             is_fine = not _violates(found)
             # The energy of a jump doubles as its segment is halved.
@@ -157,8 +157,11 @@ def _halved_until_fine(
             stays = number >= _STALE and amounts[-1] > amounts[-1 - _STALE] / 2.0
             diverged = jumps or stays or min(path.grid.widths) < _NARROWEST
         else:
-            is_settled = error <= tolerance * abs(stats.objective)
-            is_fine = is_settled and stats.max_path_violation <= tolerance
+            most = tolerance * abs(stats.objective)
+            is_fine = error <= most and stats.max_path_violation <= tolerance
+            if is_fine:
+                error += unevenness(path, is_energy)
+                is_fine = error <= most
             diverged = stats.objective > _WORSE * first.stats.objective > 0.0
         if is_fine:
             return found, None
@@ -238,6 +241,24 @@ def unresolved_energy(path: Path) -> Array:
     middle = (path.breakpoints[:-1] + path.breakpoints[1:]) / 2.0
     sizes = speeds_at(path.metric, path(middle), terms)
     return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))
+
+
+def unevenness(path: Path, is_energy: bool) -> float:
+    """Return what adds to the error of the energy of a path that no finer grid improves.
+
+    It is the difference to the energy by a finer quadrature, as a metric that varies between the
+    points of the grid's own may not be resolved.
+
+    Args:
+        path: the path.
+        is_energy: whether all conditions are on positions, and the energy alone is minimized. Such
+            paths have constant speed: with less variation, the energy would be less.
+    """
+    finer = path.grid.gauss(2 * path.grid.degree + 5)
+    speeds = path.speeds_at(finer)
+    length, twice = (float(np.sum(finer.weights * speeds**power)) for power in (1, 2))
+    varies = (twice - length**2) / 2.0 if is_energy else 0.0
+    return abs(twice / 2.0 - path.discrete_energy) + varies
 
 
 @lru_cache

@@ -77,8 +77,7 @@ def solve(
             or the straight line. A solution is a warm start. From a path that meets the conditions,
             such as `Path.through(metric, waypoints)`, the search stays near it.
         tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
-            and the relative error of the objective is less: by the terms of the path's polynomials
-            and Ipopt's distance from bounds, or by its change from one grid to the next;
+            and the relative error of the objective is estimated to be less;
             stats.mesh_history lists the solves.
         throw: raise NotConverged if there is no solution; else return the last iterate, with
             stats.success False.
@@ -130,9 +129,17 @@ def solve(
         raise ValueError(f"grid must be a Grid, got {grid!r}")
     if not isinstance(guess, Path | Solution | None):
         raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
+    if not isinstance(ipopt, Mapping | None):
+        raise ValueError(f"ipopt must be options of Ipopt by name, got {ipopt!r}")
     definition = problem.definition()
     definition = replace(definition, guess=_remembered(definition.guess))
     conditions = definition.conditions
+    if guess is not None:
+        path = guess.path if isinstance(guess, Solution) else guess
+        if path.metric.dim != definition.metric.dim:
+            raise ValueError(
+                f"guess has {path.metric.dim} coordinates, the problem {definition.metric.dim}"
+            )
     if guess is not None and num_starts > 1:
         raise ValueError("num_starts: other guesses are found only where no guess is given")
     if conditions.via and num_starts > 1:
@@ -148,10 +155,17 @@ def solve(
     first = definition.grid if grid is None else grid
 
     search = _Search(solver, grid, tolerance)
-    if guess is not None or conditions.via:
-        solution = search.finish(search.begin(guess), guess, ())
-    else:
-        solution = _best_of(search, Guesses(definition, first), num_starts)
+    try:
+        if guess is not None or conditions.via:
+            solution = search.finish(search.begin(guess), guess, ())
+        else:
+            solution = _best_of(search, Guesses(definition, first), num_starts)
+    except NotConverged as error:  # inverse kinematics, for the problem's own guess
+        if throw:
+            raise
+        straight = replace(definition, guess=lambda s: None)
+        last = replace(solver, definition=straight, ipopt={**settings, "max_iter": 0})(first, None)
+        return replace(last, stats=replace(last.stats, success=False, status=str(error)))
     if throw and not solution.stats.success:
         raise NotConverged(describe_failure(solution), solution)
     return solution

@@ -38,8 +38,6 @@ _STIFF, _COARSE = 8, Grid(4, 4)
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
 LOOSE, MODERATE, TIGHT = 1e-6, 1e-7, 1e-10
 _ROUGH = 1e-4  # of a step of a descent, at most
-# Complementarity of a bound, in parts of the path's tolerance: their sum is an error of the energy.
-_COMPLEMENTARITY = 1e-2
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
 _STEP = 0.1
@@ -223,8 +221,6 @@ class Solver:
             near = {**near, "mu_init": _MODERATE_BARRIER}
         else:
             near = _BESIDE if guess is not None and nlp.violation <= FEASIBLE else {}
-            if self.path_tolerance is not None:
-                near = {**near, "compl_inf_tol": _COMPLEMENTARITY * self.path_tolerance}
         return self._optimize_via(self._solve_nlp(nlp, near))
 
     def solve_from(self, grid: Grid, start: Path | Solution | None) -> Solution:
@@ -265,7 +261,16 @@ class Solver:
         farthest = self.within / nlp.units.length
         values["lbx"] = np.maximum(values["lbx"], values["x0"] - farthest)
         values["ubx"] = np.minimum(values["ubx"], values["x0"] + farthest)
-        given = {**_FILTER, **_SYSTEMS, "tol": self.tolerance, **usual, **self.ipopt}
+        given = {**_FILTER, **_SYSTEMS, "tol": self.tolerance, **usual}
+        if (tolerance := self.path_tolerance) is not None:
+            # The sum over all bounds is an error of the objective, which is about one.
+            bounds = [values[key] for key in ("lbx", "ubx", "lbg", "ubg")]
+            most = 0.7 * tolerance / max(1, np.isfinite(np.concatenate(bounds)).sum())
+            given["compl_inf_tol"] = 10.0 * most  # Ipopt's barrier ends at an eleventh of that
+            given["bound_relax_factor"] = min(1e-8, 1e-2 * tolerance)  # at first 1e-8
+            if given.get("mu_init") == _WARM_START["mu_init"]:
+                given["mu_init"] = most
+        given |= self.ipopt
         if is_spent := self.is_bounded and sum(self.spent) > _MOST_AMONG_MANY:
             given["max_iter"] = 0
         settings = tuple(sorted(given.items()))

@@ -20,6 +20,7 @@ from geodesic_ocp.trajectory.path import Path
 _PER_NODE = 4  # samples between two nodes
 _NEAR_BOUND = 1e-2  # of the range of a condition's values
 MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at first
+_ONE_SIDED = 1e-12  # in s, before interior breakpoints
 _REFINEMENTS = 2  # times that the vertices of parabolas are added to the samples
 
 
@@ -45,7 +46,8 @@ class PathSamples:
     """Evaluates the path constraints of a problem along paths.
 
     Samples lie at the nodes, between them, and at the local maxima of the excess over the bounds,
-    which parabolas through neighbouring samples locate.
+    which parabolas through neighbouring samples locate, or, as those of the distance from a thin
+    body are sharp, lines through two on either side.
     """
 
     def __init__(self, conditions: Conditions) -> None:
@@ -101,7 +103,8 @@ class PathSamples:
         s = sample_parameters(path)
         values = self._values(path, s)
         for _ in range(_REFINEMENTS):
-            new = np.setdiff1d(_peaks(s, excess_over_bounds(self, values)), s)
+            excess = excess_over_bounds(self, values)
+            new = np.setdiff1d(np.append(_peaks(s, excess), _corners(s, excess)), s)
             if not new.size:
                 break
             places = np.searchsorted(s, new)
@@ -128,7 +131,7 @@ def sample_parameters(path: Path) -> Array:
     steps = np.arange(_PER_NODE) / _PER_NODE
     between = (nodes[:-1, None] + np.diff(nodes)[:, None] * steps).ravel()
     inner = path.breakpoints[1:-1]
-    return np.sort(np.concatenate([between, [1.0], inner - 1e-12]))
+    return np.sort(np.concatenate([between, [1.0], inner - _ONE_SIDED]))
 
 
 def _peaks(s: Array, excess: Array) -> Array:
@@ -150,6 +153,21 @@ def _peaks(s: Array, excess: Array) -> Array:
         near = -_NEAR_BOUND * np.ptp(finite, axis=1, keepdims=True)  # parabolas are approximate
         relevant = (curvature < 0.0) & (maximum > near) & inside
     return np.asarray(vertex[relevant])
+
+
+def _corners(s: Array, excess: Array) -> Array:
+    """Return where lines through two neighbours of excess (m, k) on either side meet above 0."""
+    apart = np.append(True, np.diff(s) > 2.0 * _ONE_SIDED)
+    s, excess = s[apart], excess[:, apart]
+    with np.errstate(all="ignore"):  # there may be infinities
+        slopes = np.diff(excess, axis=1) / np.diff(s)
+        before, after = slopes[:, :-2], slopes[:, 2:]
+        left, right = s[1:-2], s[2:-1]
+        rise = excess[:, 2:-1] - excess[:, 1:-2] - after * (right - left)
+        at = left + rise / (before - after)
+        highest = excess[:, 1:-2] + before * (at - left)
+        relevant = (before > 0.0) & (after < 0.0) & (at > left) & (at < right) & (highest > 0.0)
+    return np.asarray(at[relevant])
 
 
 # Without a tolerance, solutions violate no condition by more than this, in its unit.

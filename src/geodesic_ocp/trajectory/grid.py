@@ -145,7 +145,11 @@ class Grid(ShortRepr):
         themselves as quadrature points, a coarse path can bend between them where the metric is
         large, and the discrete energy falls below that of the geodesic.
         """
-        weights, values, slopes = _gauss(self.degree)
+        return self.gauss(-(-3 * self.degree // 2))
+
+    def gauss(self, points: int) -> Quadrature:
+        """Return Gauss-Legendre quadrature with so many points in each segment."""
+        weights, values, slopes = _gauss(self.degree, points)
         return Quadrature(
             np.outer(self.widths, weights / 2.0),
             values,
@@ -200,10 +204,10 @@ def _interpolation(reference: _Reference, x: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _gauss(degree: int) -> tuple[Array, Array, Array]:
+def _gauss(degree: int, points: int) -> tuple[Array, Array, Array]:
     """Return weights of Gauss points, and matrices to values and slopes there."""
-    points, weights = legendre.leggauss(-(-3 * degree // 2))
-    values = _interpolation(_reference(degree), points)
+    x, weights = legendre.leggauss(points)
+    values = _interpolation(_reference(degree), x)
     return weights, values, values @ _reference(degree).differentiation
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_number, real_array
 from geodesic_ocp.manifold.metric import Metric, speeds_at
-from geodesic_ocp.trajectory.grid import Grid, interpolation_between
+from geodesic_ocp.trajectory.grid import Grid, Quadrature, interpolation_between
 
 # Newton's method for s at an arc length converges quadratically: one step below this is the last.
 _NEWTON, _CONVERGED = 4, 1e-10
@@ -121,7 +121,11 @@ class Path:
     @cached_property
     def speeds_at_quadrature_points(self) -> Array:
         """Speeds |q'|_G (segments, m) at the points of `Grid.quadrature`."""
-        quadrature, n = self.grid.quadrature, self.metric.dim
+        return self.speeds_at(self.grid.quadrature)
+
+    def speeds_at(self, quadrature: Quadrature) -> Array:
+        """Return speeds |q'|_G (segments, m) at the points of a quadrature of the grid."""
+        n = self.metric.dim
         nodes = self.grid.in_segments(self.nodes)
         positions = (quadrature.values @ nodes).reshape(-1, n)
         slopes = (quadrature.slopes @ (nodes - nodes[:, :1])).reshape(-1, n)
