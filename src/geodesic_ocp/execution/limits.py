@@ -394,7 +394,7 @@ def known_limits(model: Model) -> KnownLimits | None:
 
 def usable_torque(limit: Array, held: Array, share: float) -> Array:
     """Return the torques (n,) that a motion may use: a share of the limits, or more where holding
-    the arm takes much of them; infinite where it takes more than the limit, as no motion helps.
+    the arm takes more; infinite where that is beyond the limit, as no motion helps.
 
     Args:
         limit: limits (n,) [N m or N].

@@ -47,8 +47,8 @@ class RetargetingSettings(ShortRepr):
         speed_limits: meet the limits of the joints on speed, acceleration, jerk and torque, by the
             choice of the configurations and by taking more time than the person.
         torque_share: fraction of the torque limits that the motion may use; the rest serves a
-            controller against errors of the model. A joint may take 1.5 times what holds the arm,
-            up to its limit, where that is more, and a note says so.
+            controller against errors of the model. Where holding the arm takes more, a joint may
+            take 1.5 times that, up to its limit, and a note says so.
         rest: begin and end at rest; otherwise at the person's speed.
         rotor_inertia: add known or default inertia of the motors where the robot's file states no
             joint inertia.
