@@ -41,6 +41,7 @@ _FRACTION = 0.1
 _MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.
 _PATIENCE, _WORSE = 3, 1.2
+_KNOWN = 1e-3  # relative error of the energy by the quadrature of a grid, without a tolerance
 _STALE = 6  # rounds in which violations between nodes must halve
 
 
@@ -70,14 +71,14 @@ def refine(
         samples: of the path constraints along a path.
         first: solution on the first grid.
         tolerance: for violations between nodes, in the unit of the condition, and for the
-            relative error of the objective. None: the conditions hold to `BETWEEN_NODES`, whatever
-            the objective.
+            relative error of the objective. None: the conditions hold to `BETWEEN_NODES`, and the
+            energy of the path is known to `_KNOWN`.
         guess: initial guess.
         anew: whether the search restarts if it diverges.
 
     If the grid becomes too large or a solve fails, `stats.success` is False.
     """
-    if tolerance is None and not _violates(first):
+    if tolerance is None and (not first.stats.success or _suffices(first)):
         return first
     solution = _halved_until_fine(solve_on, samples, _recorded(first), tolerance)
     if solution.stats.success or solution.stats.status == STOPPED or not first.stats.success:
@@ -111,6 +112,13 @@ def _failed(solution: Solution, status: str) -> Solution:
 def _violates(solution: Solution) -> bool:
     stats = solution.stats
     return stats.success and stats.max_path_violation > BETWEEN_NODES
+
+
+def _suffices(solution: Solution) -> bool:
+    """Return whether a path meets its conditions, and its energy is known, without a tolerance."""
+    path = solution.path
+    is_known = unevenness(path, False) <= _KNOWN * path.discrete_energy
+    return is_known and not _violates(solution)
 
 
 def _recorded(solution: Solution, before: Solution | None = None) -> Solution:
@@ -149,7 +157,7 @@ def _halved_until_fine(
         change = abs(stats.objective - stats.mesh_history[-2].objective) if number else np.inf
         error = stats.gap + (min(change, float(unresolved.sum())) if is_energy else change)
         if tolerance is None:
-            is_fine = not _violates(found)
+            is_fine = _suffices(found)
             # The energy of a jump doubles as its segment is halved.
             before = stats.mesh_history[-2:][0].objective
             jumps = stats.objective > _WORSE * before > 0.0
@@ -168,6 +176,7 @@ def _halved_until_fine(
         violations = samples.excess(path)
         if tolerance is None:
             levels = _halvings(worst_by_segment(path, violations), BETWEEN_NODES, 2)
+            levels = levels if np.any(levels) else np.ones_like(levels)
         else:
             levels = _levels(path, violations, unresolved, tolerance)
         finer = _finer(path.grid, levels, unresolved)
@@ -175,6 +184,10 @@ def _halved_until_fine(
         if not (diverged and number >= _PATIENCE) and not too_many and number + 1 < _MAX_ROUNDS:
             return found, (found, finer)
         if tolerance is None:
+            if not _violates(found):
+                return _failed(
+                    found, "the metric varies too fast for any grid that was tried"
+                ), None
             return meeting_conditions(found, "no finer grid meets its conditions"), None
         status = (
             f"not solved to {tolerance:g}: on {path.grid.segments} segments conditions are still "
