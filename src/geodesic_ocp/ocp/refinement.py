@@ -36,7 +36,7 @@ _NARROWEST = 1e-5
 _MAX_ROUNDS = 20
 _MAX_SEGMENTS = 400
 # Segments are halved whose error exceeds this fraction of the largest.
-_FRACTION = 0.1
+_FRACTION = 0.02
 # Times that a segment is halved in one round; grids have a multiple of this number of segments.
 _MOST_LEVELS, _ROUND = 2, 4
 # After this many rounds, an objective larger by this factor has diverged.

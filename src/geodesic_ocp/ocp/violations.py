@@ -21,6 +21,7 @@ _PER_NODE = 4  # samples between two nodes
 _NEAR_BOUND = 1e-2  # of the range of a condition's values
 MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at first
 _ONE_SIDED = 1e-12  # in s, before interior breakpoints
+_SHARP = 1e-4  # of the range of a condition's values
 _REFINEMENTS = 2  # times that the vertices of parabolas are added to the samples
 
 
@@ -102,9 +103,10 @@ class PathSamples:
     def _sampled(self, path: Path) -> tuple[Array, Array]:
         s = sample_parameters(path)
         values = self._values(path, s)
-        for _ in range(_REFINEMENTS):
+        for number in range(_REFINEMENTS):
             excess = excess_over_bounds(self, values)
-            new = np.setdiff1d(np.append(_peaks(s, excess), _corners(s, excess)), s)
+            corners = np.zeros(0) if number else _corners(s, excess)
+            new = np.setdiff1d(np.append(_peaks(s, excess), corners), s)
             if not new.size:
                 break
             places = np.searchsorted(s, new)
@@ -156,7 +158,9 @@ def _peaks(s: Array, excess: Array) -> Array:
 
 
 def _corners(s: Array, excess: Array) -> Array:
-    """Return where lines through two neighbours of excess (m, k) on either side meet above 0."""
+    """Return where lines through two neighbours of excess (m, k) on either side meet above 0, and
+    far enough above both that a parabola may miss it.
+    """
     apart = np.append(True, np.diff(s) > 2.0 * _ONE_SIDED)
     s, excess = s[apart], excess[:, apart]
     with np.errstate(all="ignore"):  # there may be infinities
@@ -166,7 +170,9 @@ def _corners(s: Array, excess: Array) -> Array:
         rise = excess[:, 2:-1] - excess[:, 1:-2] - after * (right - left)
         at = left + rise / (before - after)
         highest = excess[:, 1:-2] + before * (at - left)
-        relevant = (before > 0.0) & (after < 0.0) & (at > left) & (at < right) & (highest > 0.0)
+        over = np.maximum(excess[:, 1:-2], excess[:, 2:-1])
+        over = np.maximum(over + _SHARP * np.ptp(excess, axis=1, keepdims=True), 0.0)
+        relevant = (before > 0.0) & (after < 0.0) & (at > left) & (at < right) & (highest > over)
     return np.asarray(at[relevant])
 
 
