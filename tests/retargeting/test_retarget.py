@@ -18,6 +18,7 @@ from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.retargeting.paired_arm import REACHED
+from geodesic_ocp.retargeting.result import warn_of_detours
 
 
 @pytest.fixture(scope="module")
@@ -550,6 +551,10 @@ def test_links_whose_capsules_always_overlap_keep_the_margin(bundled_file: Path)
     assert {(each.one, each.other) for each in report.closest} >= {*pairs.exact_only}
     for each in report.closest:
         assert each.distance >= pairs.margin(each.one, each.other, margin) - 1e-4
+    assert found.clearance is not None
+    wider = replace(found.clearance, lower=found.clearance.lower + 0.03)
+    with pytest.warns(UserWarning, match="mm at .* s, less than their margin of 40 mm"):
+        warn_of_detours(replace(found, clearance=wider))
 
 
 @pytest.mark.slow

@@ -287,8 +287,8 @@ def _summarize(result: Retargeting) -> None:
         inexact = int(np.sum(errors.max(axis=1) > MISSED))
         distance, angle = errors.max(axis=0) * (1e3, 180.0 / np.pi)
         poses = (
-            f"the hand is off {inexact} of {len(errors)} poses, by at most {distance:.2g} mm, "
-            f"{angle:.2g} deg, {len(arm.missed)} of them beyond the tolerance"
+            f"the hand is off {inexact} of {len(errors)} poses, by at most {distance:.3g} mm, "
+            f"{angle:.3g} deg, {len(arm.missed)} of them beyond the tolerance"
         )
         print(
             f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "

@@ -70,8 +70,9 @@ class LiveRetargeting:
     """Retargeting of a person's motion while it goes on: a command for each sample.
 
     The robot's hand follows that of the person. Commands have continuous accelerations and keep all
-    limits, whatever the samples are: of position, speed, acceleration, jerk, torque and its rate,
-    and of the hand's speed. The hand stays behind where joints are too weak to hold the arm.
+    limits, whatever the samples are: of position, speed, acceleration, jerk and torque, and of
+    torque rate and the hand's speed on average over a step. The hand stays behind where joints are
+    too weak to hold the arm.
     Commands lag behind by `delay`, and by more where the limits do not allow the person's speed.
     Distances between links or to obstacles are not considered. At the beginning, and after a gap, a
     parallel gripper takes the nearer one of both grasps. Synergies of the person are those of the
@@ -199,7 +200,7 @@ class LiveRetargeting:
         Raises:
             ValueError: the time does not increase, or not at the rate; a wrong number of joints,
                 numbers that are not finite, or angles in degrees. The command remains the one
-                before.
+                before; `step(time)` without the sample takes the step.
         """
         time = as_number("time", time)
         if time <= self._time:

@@ -17,7 +17,7 @@ from geodesic_ocp.drawing.analysis_figure import draw_overview, widest_of_thirds
 from geodesic_ocp.drawing.retargeting_strips import retargeting_strips
 from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
-from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.motion_measures import measures_table
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.records import write_together
@@ -341,16 +341,17 @@ def _span(indices: tuple[int, ...]) -> str:
 _FACTOR, _MORE, _MORE_ANGLE = 2.0, 0.15, 1.0  # [m], [rad]
 _SLOW = 3.0  # times the person's time
 _WHY = {
-    TOO_NEAR: ", at which links would be too near each other or an obstacle",
+    TOO_NEAR: ", at which links would be too near each other or obstacles, if there are any",
     OUT_OF_REACH: ", which is out of reach",
 }
 _SAMPLES = 41
 _REPORTED = 6
+_LACKING = 1e-4  # [m] of a margin that need not be told
 _ROUNDED = 1.001  # times a share, as the motion is sampled
 
 
 def warn_of_detours(result: Retargeting) -> None:
-    """Warn of missed poses, detours of the hand, slow synergies, links that come too near, and
+    """Warn of missed poses, detours of the hand, slow synergies, links nearer than the margin, and
     torques beyond the share.
 
     Warns:
@@ -362,12 +363,31 @@ def warn_of_detours(result: Retargeting) -> None:
     ]
     if result.touches and not found:
         found.append("links touch on the trajectory, as `Retargeting.check` says in detail")
+    found += [*_nearer_than_margin(result), *_beyond_share(result)]
     for arm in result.arms:
         found += [*_missed_poses(arm), *_of_arm(arm)]
-    found += _beyond_share(result)
     if found:
         more = f"; and {len(found) - _REPORTED} more" if len(found) > _REPORTED else ""
         warnings.warn("; ".join(found[:_REPORTED]) + more, UserWarning, 4)
+
+
+def _nearer_than_margin(result: Retargeting) -> Iterator[str]:
+    """Yield links that keep their margin on the paths, but not on the trajectory."""
+    if result.clearance is None or result.touches:
+        return
+    least, samples = least_distances(result.clearance, result.trajectory.positions)
+    lower, known = result.clearance.lower, {name for name, *_ in result.too_near}
+    named = dict[str, int]()
+    for k in np.argsort(least).tolist():
+        name = result.clearance.names[k].partition(" (")[0]
+        if least[k] < lower[k] - _LACKING and name not in known:
+            named.setdefault(name, k)
+    for name, k in named.items():
+        yield (
+            f"{name} come as near as {1e3 * least[k]:.3g} mm at "
+            f"{result.trajectory.time[samples[k]]:.2f} s, less than their margin of "
+            f"{1e3 * lower[k]:.3g} mm"
+        )
 
 
 def _beyond_share(result: Retargeting) -> Iterator[str]:
@@ -377,10 +397,18 @@ def _beyond_share(result: Retargeting) -> Iterator[str]:
         return
     limits = np.concatenate([arm.limits.torque for arm in result.bodies])
     taken = np.abs(efforts).max(axis=0) / limits
+    columns = np.cumsum([arm.robot.dof for arm in result.bodies])[:-1]
+    held = [
+        arm.robot.inverse_dynamics(q, 0.0 * q, 0.0 * q, arm.gravity)
+        for arm, q in zip(
+            result.bodies, np.split(result.trajectory.positions, columns, axis=1), strict=True
+        )
+    ]
+    holding = np.abs(np.hstack(held)).max(axis=0) / limits
     for joint in np.flatnonzero((taken > _ROUNDED * share) & (taken <= _ROUNDED)):
         yield (
             f"{result.joint_names[joint]} takes {taken[joint]:.3g} of its torque limit, more than "
-            f"the share of {share:.3g}, as much of it holds the arm"
+            f"the share of {share:.3g}, as holding the arm takes up to {holding[joint]:.3g}"
         )
 
 
@@ -393,11 +421,13 @@ def _place(arm: RetargetedArm, number: int) -> str:
 def _missed_poses(arm: RetargetedArm) -> Iterator[str]:
     for number, (distance, angle) in arm.missed.items():
         off = f"{distance:.3g} m and {angle:.3g} rad from its"
+        status = OUT_OF_REACH if number in arm.out_of_reach else ""
+        why = _WHY.get(arm.transfers[number - 1].status if number else status, "")
+        if number in arm.out_of_reach and (least := arm.out_of_reach[number][0]) < distance:
+            why += f": the nearest that was found is {least:.3g} m away"
         if number == 0:
-            why = _WHY[OUT_OF_REACH] if number in arm.out_of_reach else ""
             yield f"{arm.name} begins {off} first pose{why}"
         else:
-            why = _WHY.get(arm.transfers[number - 1].status, "")
             yield f"{_place(arm, number)} ends {off} pose{why}"
 
 

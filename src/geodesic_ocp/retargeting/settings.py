@@ -47,8 +47,8 @@ class RetargetingSettings(ShortRepr):
         speed_limits: meet the limits of the joints on speed, acceleration, jerk and torque, by the
             choice of the configurations and by taking more time than the person.
         torque_share: fraction of the torque limits that the motion may use; the rest serves a
-            controller against errors of the model. Where holding the arm takes more, a joint may
-            take 1.5 times that, up to its limit, and a note says so.
+            controller against errors of the model. A joint that takes more to hold the arm in some
+            of the motion may take 1.5 times the most of that, up to its limit, and a note says so.
         rest: begin and end at rest; otherwise at the person's speed.
         rotor_inertia: add known or default inertia of the motors where the robot's file states no
             joint inertia.
@@ -87,7 +87,8 @@ class RetargetingSettings(ShortRepr):
         pairs: pairs of links kept apart, in place of the pairs found for `self_collision`; see
             `execution.link_pairs`.
         margin: smallest distance allowed between links [m]; of links that never come twice as far
-            apart, half of the largest distance that they can have.
+            apart, half of the largest distance that they can have. Paths keep it; a note names
+            links that come nearer where the trajectory rounds their corners.
         obstacle_margin: smallest distance allowed to obstacles [m]; default: that between links.
         num_starts: number of geodesics sought for each synergy in the formulation "geodesic", of
             which the geodesic of least energy is taken.
