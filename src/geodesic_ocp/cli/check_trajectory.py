@@ -108,6 +108,8 @@ def check_trajectory(
     rate = "uneven samples" if trajectory.rate is None else f"{trajectory.rate:.6g} Hz"
     print(f"{file}: {len(trajectory.time)} samples, {trajectory.duration:.4g} s, {rate}\n")
     print(result)
+    if not result.passed and not aligned and not alignment and gravity is None:
+        print("\ngravity was along -z of the robot's base; after retarget, give --aligned")
     if result.clearance is not None:
         print(f"\nleast distance of links: {result.clearance:.3g} m")
     for each, its_limits in zip(robots, found, strict=True):
