@@ -117,7 +117,7 @@ def _violates(solution: Solution) -> bool:
 def _suffices(solution: Solution) -> bool:
     """Return whether a path meets its conditions, and its energy is known, without a tolerance."""
     path = solution.path
-    is_known = unevenness(path, False) <= _KNOWN * path.discrete_energy
+    is_known = energy_error(path, False) <= _KNOWN * path.discrete_energy
     return is_known and not _violates(solution)
 
 
@@ -168,7 +168,7 @@ def _halved_until_fine(
             most = tolerance * abs(stats.objective)
             is_fine = error <= most and stats.max_path_violation <= tolerance
             if is_fine:
-                error += unevenness(path, is_energy)
+                error += energy_error(path, is_energy)
                 is_fine = error <= most
             diverged = stats.objective > _WORSE * first.stats.objective > 0.0
         if is_fine:
@@ -256,8 +256,8 @@ def unresolved_energy(path: Path) -> Array:
     return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))
 
 
-def unevenness(path: Path, is_energy: bool) -> float:
-    """Return what adds to the error of the energy of a path that no finer grid improves.
+def energy_error(path: Path, is_energy: bool) -> float:
+    """Return the error of the energy of a path on its grid, whether or not the path is the best.
 
     It is the difference to the energy by a finer quadrature, as a metric that varies between the
     points of the grid's own may not be resolved.

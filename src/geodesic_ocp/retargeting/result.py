@@ -341,7 +341,7 @@ def _span(indices: tuple[int, ...]) -> str:
 _FACTOR, _MORE, _MORE_ANGLE = 2.0, 0.15, 1.0  # [m], [rad]
 _SLOW = 3.0  # times the person's time
 _WHY = {
-    TOO_NEAR: ", at which links would be too near each other or obstacles, if there are any",
+    TOO_NEAR: ", at which links would be too near each other",
     OUT_OF_REACH: ", which is out of reach",
 }
 _SAMPLES = 41
@@ -397,15 +397,17 @@ def _beyond_share(result: Retargeting) -> Iterator[str]:
         return
     limits = np.concatenate([arm.limits.torque for arm in result.bodies])
     taken = np.abs(efforts).max(axis=0) / limits
+    beyond = np.flatnonzero((taken > _ROUNDED * share) & (taken <= _ROUNDED))
+    if not beyond.size:
+        return
     columns = np.cumsum([arm.robot.dof for arm in result.bodies])[:-1]
+    parts = np.split(result.trajectory.positions, columns, axis=1)
     held = [
         arm.robot.inverse_dynamics(q, 0.0 * q, 0.0 * q, arm.gravity)
-        for arm, q in zip(
-            result.bodies, np.split(result.trajectory.positions, columns, axis=1), strict=True
-        )
+        for arm, q in zip(result.bodies, parts, strict=True)
     ]
     holding = np.abs(np.hstack(held)).max(axis=0) / limits
-    for joint in np.flatnonzero((taken > _ROUNDED * share) & (taken <= _ROUNDED)):
+    for joint in beyond:
         yield (
             f"{result.joint_names[joint]} takes {taken[joint]:.3g} of its torque limit, more than "
             f"the share of {share:.3g}, as holding the arm takes up to {holding[joint]:.3g}"
@@ -421,8 +423,9 @@ def _place(arm: RetargetedArm, number: int) -> str:
 def _missed_poses(arm: RetargetedArm) -> Iterator[str]:
     for number, (distance, angle) in arm.missed.items():
         off = f"{distance:.3g} m and {angle:.3g} rad from its"
-        status = OUT_OF_REACH if number in arm.out_of_reach else ""
-        why = _WHY.get(arm.transfers[number - 1].status if number else status, "")
+        status = arm.transfers[number - 1].status if number else ""
+        why = _WHY.get(OUT_OF_REACH if number in arm.out_of_reach else status, "")
+        why += " or an obstacle" if status == TOO_NEAR and arm.settings.obstacles else ""
         if number in arm.out_of_reach and (least := arm.out_of_reach[number][0]) < distance:
             why += f": the nearest that was found is {least:.3g} m away"
         if number == 0:
