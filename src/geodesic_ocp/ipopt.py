@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, by_buffers
 
 # The objective is scaled to the order of one, so tolerances are relative to the path's energy.
 # Ipopt relaxes bounds by 1e-8 internally; the solution satisfies the original ones.
@@ -141,6 +141,7 @@ class Ipopt:
     relay: Relay | None = None
     solved: Callable[[float], object] | None = None
     _solver: ca.Function = field(init=False, repr=False)
+    _usual: dict[str, Array] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         options: dict[str, Any] = {
@@ -161,7 +162,12 @@ class Ipopt:
                 raise
             reason = str(error).strip().splitlines()[-1]
             raise ValueError(f"Ipopt does not take ipopt={self.options}: {reason}") from error
+        usual = {
+            name: np.full(solver.numel_in(k), solver.default_in(k))
+            for k, name in enumerate(solver.name_in())
+        }
         object.__setattr__(self, "_solver", solver)
+        object.__setattr__(self, "_usual", usual)
 
     @property
     def size_g(self) -> int:
@@ -170,9 +176,13 @@ class Ipopt:
 
     def __call__(self, **values: Any) -> Outcome:
         """Solve with nlpsol's x0, p, lbx, ubx, lbg, ubg."""
-        start = time.perf_counter()
+        start, given = time.perf_counter(), {**self._usual, **values}
+        numbers = [
+            np.broadcast_to(np.asarray(given[name], dtype=float), each.shape)
+            for name, each in self._usual.items()
+        ]
         try:
-            result = self._solver(**values)
+            found = by_buffers(self._solver, numbers)
         except SystemError as error:  # a Ctrl-C that CasADi noticed, as of Python 3.13
             if isinstance(error.__cause__, KeyboardInterrupt):
                 raise KeyboardInterrupt from error
@@ -180,18 +190,20 @@ class Ipopt:
         if self.relay is not None and self.relay.failure is not None:
             raise self.relay.failure
         seconds = time.perf_counter() - start
-        stats = self._solver.stats()
+        assert found is not None  # all inputs are dense
+        outputs, record = found
+        stats = record.stats()
         if self.solved is not None:
             self.solved(sum(each for key, each in stats.items() if key.startswith("t_proc_nlp")))
         word = stats["return_status"]
         if word in _INTERRUPTED and (self.relay is None or not self.relay.stopped):
             raise KeyboardInterrupt
         status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
-        x, g, lam_x, lam_g = (result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g"))
+        x, f, g, lam_x, lam_g = (each[:, 0] for each in outputs[:5])
         added = stats["iterations"]["regularization_size"] if stats["iter_count"] else [1.0]
         success = bool(stats["success"]) and word == "Solve_Succeeded"
         success = success and bool(np.isfinite(np.concatenate([x, g, lam_x, lam_g])).all())
-        iterations, objective = int(stats["iter_count"]), float(result["f"])
+        iterations, objective = int(stats["iter_count"]), f.item()
         return Outcome(
             success, status, iterations, seconds, objective, x, g, lam_x, lam_g, added[-1] > 0.0
         )

@@ -40,7 +40,7 @@ from geodesic_ocp.ocp.motion_program import (
     state_matrix,
     variables,
 )
-from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, check_symbols, listed
+from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, check_symbols, listed, numbered
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 if TYPE_CHECKING:
@@ -233,15 +233,15 @@ class _Parsed:
         cost = ca.plus(*costs.values())
 
         def equalities(label: str, entries: Any, *symbols: ca.SX) -> tuple[Condition, ...]:
-            column = ca.vertcat(*symbols)
-            found = [NUMBERS.equality(*each, column) for each in listed(label, entries)]
+            known = numbered(*symbols)
+            found = [NUMBERS.equality(*each, known) for each in listed(label, entries)]
             for condition in found:
                 if not np.all(np.isfinite(condition.lower)):
                     raise ValueError(f"{condition.name}: a value must be finite")
             return tuple(_varying(found, symbols))
 
         bounds = listed("constraints", problem.constraints(t, q, v, a, torque))
-        along = [NUMBERS.inequality(*each, state) for each in bounds]
+        along = [NUMBERS.inequality(*each, numbered(state)) for each in bounds]
         via = []
         for label, each in listed("via", problem.via(q, v)):
             if not isinstance(each, Sequence) or len(each) != 2:

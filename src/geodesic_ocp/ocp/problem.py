@@ -6,7 +6,7 @@ import copy
 import inspect
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
@@ -89,18 +89,18 @@ def parse_conditions(problem: Any) -> Conditions:
     at_ends = (q0, q1, v0, v1) if has_velocities else (q0, q1)
     equality, inequality = parameters.equality, parameters.inequality
 
-    entries = listed("boundary", symbolic.boundary(*at_ends))
-    boundary = [equality(*entry, ca.vertcat(q0, q1)) for entry in entries]
-    entries = listed("constraints", symbolic.constraints(q, v))
-    along = [inequality(*entry, ca.vertcat(q, v)) for entry in entries]
+    entries, numbers = listed("boundary", symbolic.boundary(*at_ends)), numbered(q0, q1)
+    boundary = [equality(*entry, numbers) for entry in entries]
+    entries, numbers = listed("constraints", symbolic.constraints(q, v)), numbered(q, v)
+    along = [inequality(*entry, numbers) for entry in entries]
     via = []
     for label, at_one in listed("via", symbolic.via(q)):
         if not isinstance(at_one, Sequence) or not len(at_one):
             raise ValueError(f"{label} must be a list of equalities, got {at_one!r}")
-        via.append(tuple(equality(*entry, ca.SX(0, 1)) for entry in listed(label, at_one)))
+        via.append(tuple(equality(*entry, {}) for entry in listed(label, at_one)))
     jumps = [(v1 - v0, 0.0, f"velocity at via[{number}]") for number in range(len(via))]
     jumps = jumps if problem.continuous_velocity_at_via else []
-    continuity = [equality("", jump, ca.SX(0, 1)) for jump in jumps]
+    continuity = [equality("", jump, {}) for jump in jumps]
     for conditions, symbols in ((boundary, at_ends), (along, (q, v)), (sum(via, ()), (q,))):
         for condition in conditions:
             if condition.instance is None and condition.coordinates is None:
@@ -132,9 +132,12 @@ def check_symbols(
     name: str, expression: ca.SX, symbols: Sequence[ca.SX], parameters: ca.SX | None = None
 ) -> None:
     """Raise ValueError if an expression contains others than the given symbols."""
+    used = ca.symvar(expression)
+    if not used:
+        return
     given = [*symbols, ca.SX(0, 1) if parameters is None else parameters]
     allowed = {each for one in given for each in _hashes(one)}
-    foreign = [str(each) for each in ca.symvar(expression) if each.element_hash() not in allowed]
+    foreign = [str(each) for each in used if each.element_hash() not in allowed]
     if foreign:
         known = dict.fromkeys(str(each[0]).rpartition("_")[0] or str(each) for each in symbols)
         raise ValueError(
@@ -150,20 +153,20 @@ class _Parameters:
     symbols: ca.SX
     values: Array
 
-    def equality(self, label: str, entry: Sequence[Any], symbols: ca.SX) -> Condition:
+    def equality(self, label: str, entry: Sequence[Any], known: _Numbers) -> Condition:
         """Return the condition of an entry (expression, value[, name])."""
         expression, value, name = _parts(entry, label, "expression, value")
-        return self._condition(name, value, expression, value, symbols)
+        return self._condition(name, value, expression, value, known)
 
-    def inequality(self, label: str, entry: Sequence[Any], symbols: ca.SX) -> Condition:
+    def inequality(self, label: str, entry: Sequence[Any], known: _Numbers) -> Condition:
         """Return the condition of an entry (lower, expression, upper[, name])."""
         lower, expression, upper, name = _parts(entry, label, "lower, expression, upper")
-        return self._condition(name, lower, expression, upper, symbols)
+        return self._condition(name, lower, expression, upper, known)
 
     def _condition(
-        self, name: str, lower: Any, expression: Any, upper: Any, symbols: ca.SX
+        self, name: str, lower: Any, expression: Any, upper: Any, known: _Numbers
     ) -> Condition:
-        column = ca.SX(ca.densify(ca.vec(_expression(name, expression))))
+        column = ca.densify(ca.vec(_expression(name, expression)))
         size = column.shape[0]
         limits = []
         for limit in (lower, upper):
@@ -176,10 +179,11 @@ class _Parameters:
             limits.append(np.broadcast_to(values, (size,)).copy())
         if np.any(limits[0] > limits[1]):
             raise ValueError(f"{name}: a lower bound lies above its upper bound")
-        shared = isinstance(expression, Instance) and _is_first(expression.variables, symbols)
-        if shared:
-            return Condition(name, column, limits[0], limits[1], None, expression)
-        return Condition(name, column, limits[0], limits[1], _bare_symbols(column, symbols))
+        if isinstance(expression, Instance):
+            variables = _bare_symbols(expression.variables, known)
+            if variables == tuple(range(expression.variables.numel())):
+                return Condition(name, column, limits[0], limits[1], None, expression)
+        return Condition(name, column, limits[0], limits[1], _bare_symbols(column, known))
 
     def _numbers(self, name: str, limit: Any) -> Array:
         """Return a bound as numbers, with the parameters at their values."""
@@ -250,15 +254,16 @@ def _expression(name: str, expression: Any) -> ca.SX:
         raise ValueError(f"{name}: {expression!r} is not an expression in SX symbols") from None
 
 
-def _is_first(variables: ca.SX, symbols: ca.SX) -> bool:
-    return bool(ca.is_equal(variables, symbols[: variables.numel()]))
+def numbered(*symbols: ca.SX) -> _Numbers:
+    """Return the position of each of these symbols, by its hash."""
+    every = (each for one in symbols for each in _hashes(one))
+    return {each: number for number, each in enumerate(every)}
 
 
-def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:
-    """Return indices (m,) of the symbols that the rows are, or None if a row is anything else."""
+def _bare_symbols(column: ca.SX, known: _Numbers) -> tuple[int, ...] | None:
+    """Return numbers (m,) of the symbols that the rows are, or None if a row is anything else."""
     if not column.is_valid_input():  # a row is no symbol
         return None
-    known = {symbol: number for number, symbol in enumerate(_hashes(symbols))}
     index = [known.get(entry, -1) for entry in _hashes(column)]
     return None if -1 in index else tuple(index)
 
@@ -268,6 +273,7 @@ def _hashes(symbols: ca.SX) -> list[int]:
     return [each.element_hash() for each in elements]
 
 
+_Numbers: TypeAlias = Mapping[int, int]
 NUMBERS = _Parameters(ca.SX(0, 1), np.zeros(0))  # entries without parameters
 
 # (expression, value) or (expression, value, name)

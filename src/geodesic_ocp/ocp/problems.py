@@ -258,9 +258,11 @@ class Reach(ShortRepr, ConstrainedProblem):
         target: dict[str, Any] = {name: getattr(self, name) for name in self.parameters}
         conditions: list[Equality] = [(q0, self.start, "start")]
         if "position" in target:
-            axes, num_free = complement(np.asarray(self.free))
-            held = ca.DM(axes[:, num_free:].T)
-            conditions.append((held @ (position - ca.SX(target["position"])), 0.0, "position"))
+            error = position - ca.SX(target["position"])
+            if len(np.asarray(self.free)):
+                axes, num_free = complement(np.asarray(self.free))
+                error = ca.DM(axes[:, num_free:].T) @ error
+            conditions.append((error, 0.0, "position"))
         if "rotation" in target:
             error = rotation_log(ca.SX(target["rotation"]).T @ rotation)
             conditions.append((error, 0.0, "rotation"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Protocol, TypeAlias
 
 import casadi as ca
@@ -48,7 +48,7 @@ class PathSamples:
 
     Samples lie at the nodes, between them, and at the local maxima of the excess over the bounds,
     which parabolas through neighbouring samples locate, or, as those of the distance from a thin
-    body are sharp, lines through two on either side.
+    body are sharp, lines through two on either side; where bounds are nearer than values change.
     """
 
     def __init__(self, conditions: Conditions) -> None:
@@ -60,7 +60,7 @@ class PathSamples:
             np.concatenate([np.zeros(0), *(getattr(each, side) for each in self._all)])
             for side in ("lower", "upper")
         )
-        self._in_qv = Terms(ca.vertcat(c.q, c.v), c.p, 0.0, stacked(c.along_qv))
+        self._are_coordinates = np.arange(self.lower.size) < sum(each.size for each in c.bounds)
         self._of_last = lru_cache(maxsize=1)(self._sampled)
 
     def __call__(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
@@ -100,18 +100,27 @@ class PathSamples:
         is_above = values[rows, at] - self.upper[rows] >= excess[rows, at]
         return s[at], excess[rows, at], np.where(is_above, 1.0, -1.0)[:, None] * slopes
 
+    @cached_property
+    def _in_qv(self) -> Terms:
+        c = self._conditions
+        return Terms(ca.vertcat(c.q, c.v), c.p, 0.0, stacked(c.along_qv))
+
     def _sampled(self, path: Path) -> tuple[Array, Array]:
         s = sample_parameters(path)
         values = self._values(path, s)
+        excess = excess_over_bounds(self, values)
+        with np.errstate(invalid="ignore"):  # there may be infinities
+            near = ~(excess.max(axis=1, initial=-np.inf) <= -np.ptp(excess, axis=1))
+        sharp = near & ~self._are_coordinates
         for number in range(_REFINEMENTS):
-            excess = excess_over_bounds(self, values)
-            corners = np.zeros(0) if number else _corners(s, excess)
-            new = np.setdiff1d(np.append(_peaks(s, excess), corners), s)
+            corners = _corners(s, excess[sharp]) if np.any(sharp) and not number else np.zeros(0)
+            new = np.setdiff1d(np.append(_peaks(s, excess[near]), corners), s)
             if not new.size:
                 break
             places = np.searchsorted(s, new)
             values = np.insert(values, places, self._values(path, new), axis=1)
             s = np.insert(s, places, new)
+            excess = excess_over_bounds(self, values)
         return s, values
 
     def _values(self, path: Path, s: Array) -> Array:
