@@ -158,7 +158,7 @@ def by_buffers(function: ca.Function, arguments: Sequence[Any]) -> tuple[list[Ar
     buffer, run = function.buffer()
     used = []  # as it knows their addresses alone
     for index, (value, shape) in enumerate(zip(arguments, shapes, strict=True)):
-        allowed = shape, shape[:1] if shape[1] == 1 else shape
+        allowed = shape, shape[:1] if shape[1] == 1 or not shape[0] else shape
         is_real = isinstance(value, np.ndarray) and value.dtype == float
         if not is_real or value.shape not in allowed:
             return None

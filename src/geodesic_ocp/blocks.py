@@ -657,12 +657,18 @@ def _assembled(shape: tuple[int, int], parts: Sequence[_Entries]) -> ca.MX:
     )
     source, factor = np.concatenate(sources), np.concatenate(factors)
     every = ca.vertcat(*entries)
-    if unique.size == rows.size and np.all(factor == 1.0):
-        order = np.empty(rows.size, dtype=np.int64)
-        order[places.ravel()] = source
-        return ca.MX(pattern, every[order.tolist()])
-    adder = scipy.sparse.csc_array((factor, (places.ravel(), source)), (unique.size, first))
-    return ca.MX(pattern, ca.densify(as_dm(adder) @ every))
+    places = places.ravel()
+    # Most entries are alone in their places; the others are added up first.
+    alone = (np.bincount(places) == 1)[places] & (factor == 1.0)
+    order = np.empty(unique.size, dtype=np.int64)
+    order[places[alone]] = source[alone]
+    if not np.all(alone):
+        shared, row = np.unique(places[~alone], return_inverse=True)
+        used, column = np.unique(source[~alone], return_inverse=True)
+        adder = scipy.sparse.csc_array((factor[~alone], (row.ravel(), column.ravel())))
+        every = ca.vertcat(every, ca.densify(as_dm(adder) @ every[used.tolist()]))
+        order[shared] = first + np.arange(shared.size)
+    return ca.MX(pattern, every[order.tolist()])
 
 
 def in_rounds(

@@ -36,7 +36,7 @@ CORES = {
 
 
 # Functions of which there is also one of vectors, and what makes it of CasADi's text.
-IN_LANES = ("geodesic_rate", "energy_hessian")
+IN_LANES = ("geodesic_rate", "energy_gradient", "energy_hessian")
 _OF_LANES = (
     ("casadi_real", "lanes"),
     (r"=arg\[\d+\]\? (.*) : 0;", r"=\1;"),

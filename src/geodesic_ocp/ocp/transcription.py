@@ -65,11 +65,11 @@ class CompiledEnergy(Terms):
         c, n = conditions, metric.dim
         super().__init__(ca.vertcat(c.q, c.v), c.p, metric.energy_density(c.q, c.v))
         self.in_use["energy"] = metric.kernels
-        self._gradient = ca.external("energy_gradient", file)
-        self._hessian = ca.external("energy_hessian", file)
-        self._hessians = None  # of several states at once
-        with suppress(RuntimeError):
-            self._hessians = ca.external("energy_hessians", file)
+        self._derivatives = {}
+        for name in ("gradient", "hessian"):
+            self._derivatives[name] = ca.external(f"energy_{name}", file)
+            with suppress(RuntimeError):  # of several states at once
+                self._derivatives[name] = ca.external(f"energy_{name}s", file)
         # The library gives l_q, l_v, and by columns l_qq, l_qv and G.
         by_columns = 2 * n + np.arange(3 * n**2).reshape(n, 3 * n, order="F")
         qq, qv, vv = np.split(by_columns, 3, axis=1)
@@ -83,21 +83,22 @@ class CompiledEnergy(Terms):
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[ca.MX]:
         """Return outputs of one of the functions for so many instances, one column each."""
+        columns = arguments[0]
         if name in ("value", "gradient"):
-            density, gradient = self._gradient.map(count).call(arguments[:1])
+            density, gradient = self._at("gradient", columns, count)
             return [density, gradient if name == "gradient" else ca.MX(0, count)]
         if name == "hessian":
-            columns, _, factors, _ = arguments
-            if self._hessians is None:
-                _, derivatives = self._hessian.map(count).call([columns])
-            else:
-                lanes = self._hessians.size2_in(0)
-                rest = ca.repmat(columns[:, -1], 1, -count % lanes)
-                times = -(-count // lanes)
-                (derivatives,) = self._hessians.map(times).call([ca.horzcat(columns, rest)])
-                derivatives = derivatives[:, :count]
-            return [derivatives[self._entries, :] * (ca.DM.ones(len(self._entries), 1) @ factors)]
+            entries = self._at("hessian", columns, count)[1][self._entries, :]
+            return [entries * (ca.DM.ones(len(self._entries), 1) @ arguments[2])]
         return super().mapped(name, count, arguments)
+
+    def _at(self, name: str, columns: ca.MX, count: int) -> list[ca.MX]:
+        """Return densities and derivatives at states, one column each."""
+        function = self._derivatives[name]
+        lanes = function.size2_in(0)
+        rest = ca.repmat(columns[:, -1], 1, -count % lanes)
+        found = function.map(-(-count // lanes)).call([ca.horzcat(columns, rest)])
+        return [each[:, :count] for each in found]
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,8 +38,12 @@ static void state_at(const level *grid, const double *x, int k, double *state) {
 }
 
 #ifdef LANES
-/* energy_hessian of LANES states, one after the other, of which the first `count` are wanted. */
-static void densities_of(const double *states, int count, double *densities, double *out) {
+typedef int of_lanes(const lanes **, lanes **, casadi_int *, lanes *, int);
+
+/* energy_gradient or energy_hessian, whose size is given, of LANES states, one after the other, of
+   which the first `count` are wanted. */
+static void densities_of(of_lanes *function, int size, const double *states, int count,
+                         double *densities, double *out) {
   lanes given[2 * N], density, results[POINT_SIZE], *both[2];
   const lanes *arguments[1];
   int l, i;
@@ -48,23 +52,31 @@ static void densities_of(const double *states, int count, double *densities, dou
   arguments[0] = given;
   both[0] = &density;
   both[1] = results;
-  lanes_energy_hessian(arguments, both, 0, 0, 0);
+  function(arguments, both, 0, 0, 0);
   memcpy(densities, &density, sizeof(density));
   for (l = 0; l < count; l++)
-    for (i = 0; i < POINT_SIZE; i++) out[(long)l * POINT_SIZE + i] = results[i][l];
+    for (i = 0; i < size; i++) out[(long)l * size + i] = results[i][l];
 }
 
-/* energy_hessian of LANES states as a function of CasADi's: (2 N, LANES) -> (POINT_SIZE, LANES). */
-int energy_hessians(const double **arguments, double **results, long long *iw, double *w, int m) {
-  double densities[LANES];
-  densities_of(arguments[0], LANES, densities, results[0]);
-  return 0;
-}
-long long energy_hessians_n_in(void) { return 1; }
-long long energy_hessians_n_out(void) { return 1; }
-static const long long states_shape[] = {2 * N, LANES, 1}, results_shape[] = {POINT_SIZE, LANES, 1};
-const long long *energy_hessians_sparsity_in(long long i) { return states_shape; }
-const long long *energy_hessians_sparsity_out(long long i) { return results_shape; }
+/* Functions of LANES states as CasADi's: (2 N, LANES) -> densities (1, LANES), and derivatives. */
+#define FUNCTION_OF_STATES(name, one, size)                                                        \
+  int name(const double **arguments, double **results, long long *iw, double *w, int m) {          \
+    double unused[LANES * POINT_SIZE], *first = results[0] ? results[0] : unused;                  \
+    densities_of(one, size, arguments[0], results[1] ? LANES : 0, first, results[1]);              \
+    return 0;                                                                                      \
+  }                                                                                                \
+  long long name##_n_in(void) { return 1; }                                                        \
+  long long name##_n_out(void) { return 2; }                                                       \
+  const long long *name##_sparsity_in(long long i) {                                               \
+    static const long long shape[] = {2 * N, LANES, 1};                                            \
+    return shape;                                                                                  \
+  }                                                                                                \
+  const long long *name##_sparsity_out(long long i) {                                              \
+    static const long long shapes[][3] = {{1, LANES, 1}, {size, LANES, 1}};                        \
+    return shapes[i];                                                                              \
+  }
+FUNCTION_OF_STATES(energy_gradients, lanes_energy_gradient, GRADIENT)
+FUNCTION_OF_STATES(energy_hessians, lanes_energy_hessian, POINT_SIZE)
 #endif
 
 /* Energy of the path x (nodes, N); with the derivatives at every point where out is given.
@@ -73,33 +85,35 @@ static double energy_of(const level *grid, const double *x, const double *added,
                         double *work) {
   double energy = 0, state[2 * N], density, gradient[GRADIENT];
   int segment, k, i;
-  const double *arguments[1];
-  double *results[2];
 #ifdef LANES
   double densities[LANES], states[LANES * 2 * N];
+#else
+  const double *arguments[1] = {state};
+  double *results[2] = {&density};
 #endif
-  arguments[0] = state;
-  results[0] = &density;
   for (segment = 0; segment < grid->segments; segment++)
     for (k = 0; k < grid->points; k++) {
       int at = segment * grid->points + k;
       double *here = out ? out + (long)at * POINT_SIZE : gradient;
       state_at(grid, x + (long)segment * grid->degree * N, k, state);
-      results[1] = here;
 #ifdef LANES
-      if (out) {
-        if (at % LANES == 0) {
-          int last = grid->segments * grid->points - 1, l;
-          for (l = 0; l < LANES; l++) {
-            int next = at + l < last ? at + l : last, of = next / grid->points;
-            state_at(grid, x + (long)of * grid->degree * N, next % grid->points, states + l * 2 * N);
-          }
-          densities_of(states, last - at + 1 < LANES ? last - at + 1 : LANES, densities, here);
+      if (at % LANES == 0) {
+        int last = grid->segments * grid->points - 1, l;
+        for (l = 0; l < LANES; l++) {
+          int next = at + l < last ? at + l : last, of = next / grid->points;
+          state_at(grid, x + (long)of * grid->degree * N, next % grid->points, states + l * 2 * N);
         }
-        density = densities[at % LANES];
-      } else
-#endif
+        l = last - at + 1 < LANES ? last - at + 1 : LANES;
+        if (out)
+          densities_of(lanes_energy_hessian, POINT_SIZE, states, l, densities, here);
+        else
+          densities_of(lanes_energy_gradient, GRADIENT, states, 0, densities, here);
+      }
+      density = densities[at % LANES];
+#else
+      results[1] = here;
       (out ? energy_hessian : energy_gradient)(arguments, results, 0, work, 0);
+#endif
       for (i = 0; i < N; i++) density += added[i] * state[N + i] * state[N + i] / 2;
       if (out)
         for (i = 0; i < N; i++) {
