@@ -42,6 +42,7 @@ _MARGIN = 0.1  # of the violation on the first path, by which nodes are pushed c
 _LONGEST = 0.3  # step of a node [rad or m]
 _DEFORMATIONS = 5  # paths that are checked on the way from one path to another
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
+_LITTLE_MORE = 1.5  # times the energy of the problem's own guess, that another one may have
 # The planner.
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 300
 _AMONG_MANY = 3  # times as many samples among many bodies, where the straight line leads nowhere
@@ -254,11 +255,16 @@ class Guesses:
         """
         if not (several or self.definition.conditions.along_q):
             yield "", None
+            yield from self.others[:1]
             return
         space, own, metric = self._space, self._own, self.definition.metric
         if is_clear := space.is_clear(own[None])[0]:
             self._seen.append(own)
             yield self._as_own()
+            for name, path in self.others if several else self.others[:1]:
+                if space.is_clear(path(_S)[None])[0] and _is_new(path(_S), self._seen):
+                    self.tried.append(name)
+                    yield name, path
         box = _box(space, own, metric)
         detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), metric, own)
         detours = [q for q in detours if _is_new(q, self._seen)][:_DETOURS]
@@ -268,6 +274,24 @@ class Guesses:
         # Among many bodies a guess through them comes last, as it takes long to solve.
         if not is_clear and (detours or several or not self.definition.conditions.are_many):
             yield self._as_own()
+
+    @cached_property
+    def others(self) -> list[tuple[str, Path]]:
+        """The problem's other guesses, if it gives several: those of least energy first, with
+        names.
+        """
+        given = self.definition.guess(self.grid.nodes)
+        if given is None or np.ndim(given) < 3:
+            return []
+        own, *every = (Path(self.definition.metric, self.grid, nodes) for nodes in given)
+        seen = [own.nodes]
+        every = [each for each in every if _is_new(each.nodes, seen)]
+        every.sort(key=lambda each: each.discrete_energy)
+        return [
+            (f"initial guess {number}", each)
+            for number, each in enumerate(every, 2)
+            if each.discrete_energy < _LITTLE_MORE * own.discrete_energy
+        ]
 
     def last(self) -> Iterator[tuple[str, Path | None]]:
         """Yield the problem's own guess if it was left out, as neither it nor a detour is clear

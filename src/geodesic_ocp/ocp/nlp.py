@@ -29,7 +29,8 @@ class ProblemDefinition(ShortRepr):
     Attributes:
         metric: metric of the manifold.
         conditions: boundary conditions, constraints and running cost.
-        guess: initial guess, s (k,) -> positions (k, n), or None for the straight line.
+        guess: initial guess, s (k,) -> positions (k, n), or several (m, k, n), or None for the
+            straight line.
         via_parameters: s of each via point; None if they are free.
         key: equal for problems that share one NLP; None if the NLP is not shared.
         grid: to solve on unless another is requested.
@@ -254,6 +255,7 @@ def initial_nodes(
         # Exactly constant if both ends are equal: rounding would look like motion.
         given = np.nan_to_num(start + grid.nodes[:, None] * (end - start))
     nodes = np.array(given, dtype=float)
+    nodes = nodes[0] if nodes.ndim == 3 and len(nodes) else nodes
     shape = (grid.size, definition.metric.dim)
     if nodes.shape != shape or not np.all(np.isfinite(nodes)):
         raise ValueError(

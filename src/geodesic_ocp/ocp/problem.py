@@ -344,8 +344,8 @@ class Problem(ABC):
         return 0.0
 
     def guess(self, s: Array) -> Array | None:
-        """Return initial guess, positions (len(s), n); None is the straight line between the fixed
-        ends.
+        """Return initial guess, positions (len(s), n), or several, (k, len(s), n), of which the
+        first comes first; None is the straight line between the fixed ends.
 
         Coordinates that are fixed at one end only stay constant, free ones are zero.
         """

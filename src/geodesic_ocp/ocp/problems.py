@@ -280,27 +280,31 @@ class Reach(ShortRepr, ConstrainedProblem):
 
     def guess(self, s: Array) -> Array:
         """Return straight lines between configurations found by inverse kinematics, each near the
-        last.
+        last, to several at the end, (k, len(s), n).
 
         Raises:
             NotConverged: inverse kinematics found no configuration.
         """
         corners = [np.asarray(self.start)]
         for point in np.asarray(self.through):
-            corners.append(self._configuration(f"through {point}", corners[-1], point))
+            corners.append(self._configurations(f"through {point}", corners[-1], point)[0])
         pose = (self.position, self.rotation)
-        corners.append(self._configuration("the end", corners[-1], *pose, free=self.free))
-        knots = np.linspace(0.0, 1.0, len(corners))
-        return np.column_stack([np.interp(s, knots, column) for column in np.transpose(corners)])
+        ends = self._configurations("the end", corners[-1], *pose, free=self.free)
+        pieces = len(corners)
+        piece = np.minimum((pieces * s).astype(int), pieces - 1)
+        share = (pieces * s - piece)[:, None]
+        every = np.stack([[*corners, end] for end in ends])
+        lines: Array = every[:, piece] + share * (every[:, piece + 1] - every[:, piece])
+        return lines
 
-    def _configuration(
+    def _configurations(
         self, what: str, near: Array, position: Any, rotation: Any = None, free: Any = None
-    ) -> Array:
+    ) -> list[Array]:
         collisions = CollisionAvoidance(self.obstacles, self.links, self.pairs, self.margin)
         given: dict[str, Any] = {"limits": self.limits, "free": free, "collisions": collisions}
         search = PoseSearch.checked("Reach", self.model, near, position, rotation, **given)
         try:
-            return configurations(search)[0]  # nearly the nearest, as it is a guess
+            return configurations(search)  # the first is nearly the nearest, as it is a guess
         except NotConverged as error:
             raise NotConverged(f"{what}: {error}") from None
 

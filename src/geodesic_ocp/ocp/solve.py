@@ -152,9 +152,8 @@ def solve(
     is_bounded = are_many and num_starts == 1
     tolerances = tight, tolerance
     solver = Solver(problem, definition, conditions, settings, callback, *tolerances, is_bounded)
-    first = definition.grid if grid is None else grid
-
     search = _Search(solver, grid, tolerance)
+    first, _ = search._grids(None)
     try:
         if guess is not None or conditions.via:
             solution = search.finish(search.begin(guess), guess, ())
@@ -228,7 +227,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
                     break
                 first = _named(search.begin(path), name)
                 waiting.append((first, path))
-                is_clear = not name and len(waiting) + len(failed) == 1
+                is_clear = not name and len(waiting) + len(failed) == 1 and not guesses.others
                 wanted = num_starts if several else 1 if is_clear else enough
                 tried = len(waiting) + len(failed) + len(found)
                 if first.stats.status == STOPPED:
@@ -259,7 +258,8 @@ def _named(solution: Solution, name: str) -> Solution:
 
 
 def _goes_around(first: Solution) -> bool:
-    return first.stats.success and first.stats.max_path_violation <= _AROUND
+    violation = first.stats.max_path_violation if first.conditions.along_q else 0.0
+    return first.stats.success and violation <= _AROUND
 
 
 def _leads_to(one: tuple[Solution, Path | None], path: Path | None, guesses: Guesses) -> bool:
@@ -314,7 +314,9 @@ class _Search:
         first, own = self._grids(guess)
         solver = self.solver if first is own else replace(self.solver, tolerance=LOOSE)
         solution = solver.solve_from(first, guess)
-        if not isinstance(guess, Path) or self.grid is not None or self.solver.conditions.via:
+        conditions = self.solver.conditions
+        may_jump = conditions.along_q and not conditions.via and self.grid is None
+        if not may_jump or not isinstance(guess, Path):
             return solution
         fails = not solution.stats.success or solution.stats.max_path_violation > FEASIBLE
         if fails and (found := self.solver.descend(own, guess)) is not None:
