@@ -57,6 +57,7 @@ _SYSTEMS = {
 _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 # From a path beside obstacles it stays on their side; on `_NEAR` it stops at the first optimum.
 _BESIDE = {**_NEAR, "mu_init": 1e-3}
+_WELL_KNOWN = 1e-2  # of the path's extent: distance of nodes of a solution from the true ones
 FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
 # Among many bodies, nodes of a solution move by at most this [rad or m] from one program to the
 # next, `_GROWTH` times as far where they did, and less after a failure, from which it grows by
@@ -263,9 +264,12 @@ class Solver:
         values["ubx"] = np.minimum(values["ubx"], values["x0"] + farthest)
         given = {**_FILTER, **_SYSTEMS, "tol": self.tolerance, **usual}
         if (tolerance := self.path_tolerance) is not None:
-            # The sum over all bounds is an error of the objective, which is about one.
-            bounds = [values[key] for key in ("lbx", "ubx", "lbg", "ubg")]
-            most = 0.7 * tolerance / max(1, np.isfinite(np.concatenate(bounds)).sum())
+            # The sum over all active bounds is an error of the objective, which is about one. Of
+            # those of the coordinates at most half are active, usually few.
+            in_x, in_g = (
+                sum(np.isfinite(values[side + of]).sum() for side in ("lb", "ub")) for of in "xg"
+            )
+            most = 0.7 * tolerance / max(1, in_x / 3 + in_g)
             given["compl_inf_tol"] = 10.0 * most  # Ipopt's barrier ends at an eleventh of that
             given["bound_relax_factor"] = min(1e-8, 1e-2 * tolerance)  # at first 1e-8
             if given.get("mu_init") == _WARM_START["mu_init"]:
@@ -362,15 +366,17 @@ def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outco
 
 def _gap(nlp: NLP, outcome: Outcome) -> float:
     """Return the sum of all bounds' multipliers times distances: the duality gap if the program is
-    convex.
+    convex. The solution is taken to be within `_WELL_KNOWN`, so that bounds farther away count
+    little.
     """
     bounds, gap = nlp.bounds, 0.0
     ends = [nlp.units.scaled(each).ravel() for each in (bounds.lower, bounds.upper)]
-    for value, lam, (lower, upper) in (
-        (outcome.x, outcome.lam_x, ends),
-        (outcome.g, outcome.lam_g, (bounds.lower_g, bounds.upper_g)),
+    for value, lam, (lower, upper), farthest in (
+        (outcome.x, outcome.lam_x, ends, _WELL_KNOWN),
+        (outcome.g, outcome.lam_g, (bounds.lower_g, bounds.upper_g), np.inf),
     ):
         bound = np.where(lam > 0.0, upper, lower)
         some = np.isfinite(bound)
-        gap += float(np.abs(lam[some] * (value - bound)[some]).sum())
+        distances = np.minimum(np.abs(value - bound)[some], farthest)
+        gap += float(np.abs(lam[some]) @ distances)
     return gap
