@@ -264,12 +264,10 @@ class Solver:
         values["ubx"] = np.minimum(values["ubx"], values["x0"] + farthest)
         given = {**_FILTER, **_SYSTEMS, "tol": self.tolerance, **usual}
         if (tolerance := self.path_tolerance) is not None:
-            # The sum over all active bounds is an error of the objective, which is about one. Of
-            # those of the coordinates at most half are active, usually few.
-            in_x, in_g = (
-                sum(np.isfinite(values[side + of]).sum() for side in ("lb", "ub")) for of in "xg"
-            )
-            most = 0.7 * tolerance / max(1, in_x / 3 + in_g)
+            # The sum over all active bounds, one of two at most, is an error of the objective, about
+            # one.
+            lower, upper = (np.append(values[of + "x"], values[of + "g"]) for of in ("lb", "ub"))
+            most = 0.7 * tolerance / max(1, (np.isfinite(lower) | np.isfinite(upper)).sum())
             given["compl_inf_tol"] = 10.0 * most  # Ipopt's barrier ends at an eleventh of that
             given["bound_relax_factor"] = min(1e-8, 1e-2 * tolerance)  # at first 1e-8
             if given.get("mu_init") == _WARM_START["mu_init"]:
