@@ -264,8 +264,7 @@ class Solver:
         values["ubx"] = np.minimum(values["ubx"], values["x0"] + farthest)
         given = {**_FILTER, **_SYSTEMS, "tol": self.tolerance, **usual}
         if (tolerance := self.path_tolerance) is not None:
-            # The sum over all active bounds, one of two at most, is an error of the objective, about
-            # one.
+            # The sum over all active bounds, one of two at most, is an error of the objective.
             lower, upper = (np.append(values[of + "x"], values[of + "g"]) for of in ("lb", "ub"))
             most = 0.7 * tolerance / max(1, (np.isfinite(lower) | np.isfinite(upper)).sum())
             given["compl_inf_tol"] = 10.0 * most  # Ipopt's barrier ends at an eleventh of that
