@@ -11,17 +11,24 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.blocks import Terms
+from geodesic_ocp.compiled import library
 from geodesic_ocp.ocp.problem import parse_conditions
 from geodesic_ocp.ocp.transcription import CompiledEnergy, PathTerms, Transcription, Units
 
 
+# The system's compiler, which takes two seconds, computes several states at once.
+@pytest.mark.parametrize("compiler", ["auto", pytest.param("system", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4, (0.0, 0.2, 0.9, 1.0))])
 def test_compiled_derivatives_equal_interpreted_ones(
-    arm: go.Model, grid: go.Grid, rng: np.random.Generator
+    compiler: str, grid: go.Grid, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, compiler)
+    arm = go.human_arm(height=1.6 + 0.1 * len(compiler))  # whose library is not loaded yet
     problem = go.Reach(arm, np.zeros(7), np.zeros(3))
     if not problem.metric.kernels.available():
         pytest.skip("needs a compiler")
+    if compiler == "system":
+        assert problem.metric.kernels.compiler_name == "system"
     conditions = parse_conditions(problem)
     q, v, p = conditions.q, conditions.v, conditions.p
     derived = Terms(ca.vertcat(q, v), p, problem.metric.energy_density(q, v))

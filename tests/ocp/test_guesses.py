@@ -116,6 +116,18 @@ def test_a_straight_line_out_of_a_cup_is_no_end(on_line: bool) -> None:
     assert problem.clearance(solution.path) > -2e-4
 
 
+def test_the_better_of_two_guesses_is_kept(arm: go.Model) -> None:
+    start = np.array([0.9, -0.8, -1.2, 0.9, 1.1, -0.1, -1.1])
+    reach = go.Reach(arm, start, [0.2, -0.36, -0.44])
+    lines = reach.guess(np.linspace(0.0, 1.0, 9))
+    assert lines.ndim == 3
+    assert lines[:, 0] == pytest.approx(np.tile(start, (len(lines), 1)), abs=1e-12)
+    solution = go.solve(reach)
+    first = go.solve(reach, guess=go.Path.through(reach.metric, lines[0]))
+    assert solution.stats.guess == "initial guess 2"
+    assert solution.stats.objective < 0.97 * first.stats.objective
+
+
 @pytest.mark.slow
 def test_several_starts_find_the_shorter_side() -> None:
     one, several = (go.solve(FromAbove(), num_starts=count) for count in (1, 2))

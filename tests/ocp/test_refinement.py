@@ -93,6 +93,28 @@ def test_error_of_the_energy_counts_many_active_limits() -> None:
     assert solution.stats.objective == pytest.approx(better.stats.objective, rel=1e-5, abs=0.0)
 
 
+def test_tolerance_is_met_where_all_limits_are_one_sided_and_many_active(arm: go.Model) -> None:
+    @dataclass(frozen=True, eq=False)
+    class Above(go.Problem):
+        start: tuple[float, ...] = (1.85, 0.19, -0.57, 0.82, 0.77, -0.29, 0.73)
+        end: tuple[float, ...] = (1.85, 0.19, -0.48, 1.96, 0.64, -0.36, -0.43)
+
+        @property
+        def metric(self) -> go.Metric:
+            return go.KineticEnergy(arm)
+
+        def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+            return [(q0, self.start), (q1, self.end)]
+
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [(np.minimum(self.start, self.end) - 1e-3, q, np.inf)]
+
+    solution = go.solve(Above(), tolerance=1e-6)
+    active = np.abs(solution.multipliers["constraints[0]"]) > 1e-4
+    assert np.mean(active) > 0.2
+    assert solution.stats.gap < 1e-6 * solution.stats.objective
+
+
 @pytest.mark.slow
 def test_grid_is_finest_where_the_constraint_becomes_active() -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=1e-7)
