@@ -186,8 +186,8 @@ class Reach(ShortRepr, ConstrainedProblem):
 
     The position of the hand, its orientation, or both are prescribed at the end; whatever they
     leave open of the final configuration is free, so that the path arrives orthogonally to all
-    configurations with that pose (transversality). The initial guess is the straight line to a
-    configuration found by inverse kinematics. Start and pose can change without a new NLP.
+    configurations with that pose (transversality). Initial guesses are straight lines to
+    configurations found by inverse kinematics. Start and pose can change without a new NLP.
 
     Attributes:
         model: model whose hand (end-effector) reaches; the metric is its kinetic energy.

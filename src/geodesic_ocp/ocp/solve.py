@@ -62,11 +62,11 @@ def solve(
 
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
-    Where the problem's own guess, by default the straight line, violates path constraints in q, a
-    detour around them comes first, or, if none is clear, a path of a sampling planner; guesses that
-    lead to no solution are followed by others, up to 2000 iterations of Ipopt, or 3000 in all among
-    many bodies. The same call always gives the same solution; `stats.guess` names the guess that
-    led to it.
+    If the problem gives several guesses, the better of two solutions is kept. Where the first one,
+    by default the straight line, violates path constraints in q, a detour around them comes before
+    it, or, if none is clear, a path of a sampling planner; guesses that lead to no solution are
+    followed by others, up to 2000 iterations of Ipopt, or 3000 in all among many bodies. The same
+    call always gives the same solution; `stats.guess` names the guess that led to it.
 
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
