@@ -261,10 +261,11 @@ class Guesses:
         if is_clear := space.is_clear(own[None])[0]:
             self._seen.append(own)
             yield self._as_own()
+        if is_clear or several:
             for name, path in self.others if several else self.others[:1]:
-                if space.is_clear(path(_S)[None])[0] and _is_new(path(_S), self._seen):
-                    self.tried.append(name)
-                    yield name, path
+                self._seen.append(path(_S))
+                self.tried.append(name)
+                yield name, path
         box = _box(space, own, metric)
         detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), metric, own)
         detours = [q for q in detours if _is_new(q, self._seen)][:_DETOURS]
@@ -277,8 +278,8 @@ class Guesses:
 
     @cached_property
     def others(self) -> list[tuple[str, Path]]:
-        """The problem's other guesses, if it gives several: those of least energy first, with
-        names.
+        """The problem's other guesses, if it gives several, that are clear: those of least energy
+        first, with names.
         """
         given = self.definition.guess(self.grid.nodes)
         if given is None or np.ndim(given) < 3:
@@ -286,6 +287,9 @@ class Guesses:
         own, *every = (Path(self.definition.metric, self.grid, nodes) for nodes in given)
         seen = [own.nodes]
         every = [each for each in every if _is_new(each.nodes, seen)]
+        if every and self.definition.conditions.along_q:
+            are_clear = self._space.is_clear(np.array([each(_S) for each in every]))
+            every = [every[number] for number in np.flatnonzero(are_clear)]
         every.sort(key=lambda each: each.discrete_energy)
         return [
             (f"initial guess {number}", each)
