@@ -127,7 +127,7 @@ class Conditions(ShortRepr):
         """True if there are no conditions but those at the ends."""
         return not (self.bounds or self.along_q or self.along_qv or self.via)
 
-    @property
+    @cached_property
     def on_end_velocities(self) -> str:
         """Names of the conditions on velocities at the ends, separated by commas."""
         velocities = ca.vertcat(self.v0, self.v1)

@@ -42,7 +42,7 @@ _MARGIN = 0.1  # of the violation on the first path, by which nodes are pushed c
 _LONGEST = 0.3  # step of a node [rad or m]
 _DEFORMATIONS = 5  # paths that are checked on the way from one path to another
 _SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
-_LITTLE_MORE = 1.5  # times the energy of the problem's own guess, that another one may have
+_LITTLE_MORE = 1.25  # times the energy of the problem's own guess, that another one may have
 # The planner.
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 300
 _AMONG_MANY = 3  # times as many samples among many bodies, where the straight line leads nowhere

@@ -427,8 +427,8 @@ class PoseSearch:
         rng, n = np.random.default_rng(0), self.model.dof
         around = self.near + _SPREAD * rng.standard_normal((_FIRST - 1, n))
         others = rng.uniform(*self.bounds, (max(0, count - _FIRST), n))
-        every = [np.clip(each, *self.bounds) for each in (self.near, *around)]
-        return [*every[:count], *others]
+        first = np.clip(np.vstack([self.near, around]), *self.bounds)
+        return [*first[:count], *others]
 
     def simultaneously(
         self,
