@@ -128,6 +128,19 @@ def test_the_better_of_two_guesses_is_kept(arm: go.Model) -> None:
     assert solution.stats.objective < 0.97 * first.stats.objective
 
 
+def test_another_guess_is_tried_where_the_first_fails() -> None:
+    class Stays(AmongDiscs):
+        def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+            return [(q0, (0.0, 0.0)), (q1[0] ** 2, 1.0), (q1[1] - 0.3 * q1[0], 0.0)]
+
+        def guess(self, s: np.ndarray) -> np.ndarray:
+            return s[:, None] * np.array([[[0.0, 0.0]], [[-1.0, -0.3]]])
+
+    solution = go.solve(Stays(discs=()))
+    assert solution.stats.guess == "initial guess 2"
+    assert solution.stats.objective == pytest.approx(1.09 / 2.0, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_several_starts_find_the_shorter_side() -> None:
     one, several = (go.solve(FromAbove(), num_starts=count) for count in (1, 2))

@@ -115,6 +115,34 @@ def test_tolerance_is_met_where_all_limits_are_one_sided_and_many_active(arm: go
     assert solution.stats.gap < 1e-6 * solution.stats.objective
 
 
+class OneHeavyCoordinate(go.Metric):
+    dim = 4
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        return ca.SX(ca.diag(ca.DM([1.0, 1e-6, 1e-6, 1e-6])))
+
+
+def test_error_of_the_energy_counts_limits_that_hold_light_coordinates() -> None:
+    """They have no multipliers, and end far from their bounds, compared with Ipopt's barrier."""
+
+    class ByLimits(go.Problem):
+        metric = OneHeavyCoordinate()
+
+        def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+            return [(q0, [0.0] * 4), (q1, [1.0, 0.0, 0.0, 0.0])]
+
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [(0.0, q[1:], np.inf)]
+
+        def guess(self, s: np.ndarray) -> np.ndarray:
+            bent = s + 5.0 * np.sin(2.0 * np.pi * s)
+            return np.column_stack([bent, *[0.5 * np.sin(np.pi * s)] * 3])
+
+    for tolerance in (1e-4, 1e-6):
+        solution = go.solve(ByLimits(), tolerance=tolerance)
+        assert solution.stats.objective == pytest.approx(0.5, rel=tolerance, abs=0.0)
+
+
 @pytest.mark.slow
 def test_grid_is_finest_where_the_constraint_becomes_active() -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=1e-7)

@@ -240,10 +240,15 @@ class Guesses:
         return FreeSpace(self.definition)
 
     @cached_property
+    def _path(self) -> Path:
+        """The problem's own guess."""
+        nodes = initial_nodes(self.definition, self.definition.bounds(self.grid))
+        return Path(self.definition.metric, self.grid, nodes)
+
+    @cached_property
     def _own(self) -> Array:
         """The problem's own guess, (25, n)."""
-        nodes = initial_nodes(self.definition, self.definition.bounds(self.grid))
-        return Path(self.definition.metric, self.grid, nodes)(_S)
+        return self._path(_S)
 
     @cached_property
     def _seen(self) -> list[Array]:
@@ -254,18 +259,14 @@ class Guesses:
         `several` are wanted, detours, which come first if the own guess is not clear; with names.
         """
         if not (several or self.definition.conditions.along_q):
-            yield "", None
-            yield from self.others[:1]
+            yield self._as_own()
+            yield from self._given(self.second)
             return
         space, own, metric = self._space, self._own, self.definition.metric
         if is_clear := space.is_clear(own[None])[0]:
             self._seen.append(own)
             yield self._as_own()
-        if is_clear or several:
-            for name, path in self.others if several else self.others[:1]:
-                self._seen.append(path(_S))
-                self.tried.append(name)
-                yield name, path
+            yield from self._given(self.second)
         box = _box(space, own, metric)
         detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), metric, own)
         detours = [q for q in detours if _is_new(q, self._seen)][:_DETOURS]
@@ -277,25 +278,37 @@ class Guesses:
             yield self._as_own()
 
     @cached_property
-    def others(self) -> list[tuple[str, Path]]:
+    def _others(self) -> list[tuple[str, Path]]:
         """The problem's other guesses, if it gives several, that are clear: those of least energy
         first, with names.
         """
         given = self.definition.guess(self.grid.nodes)
         if given is None or np.ndim(given) < 3:
             return []
-        own, *every = (Path(self.definition.metric, self.grid, nodes) for nodes in given)
-        seen = [own.nodes]
-        every = [each for each in every if _is_new(each.nodes, seen)]
+        seen, metric = [given[0]], self.definition.metric
+        every = [Path(metric, self.grid, nodes) for nodes in given[1:] if _is_new(nodes, seen)]
         if every and self.definition.conditions.along_q:
             are_clear = self._space.is_clear(np.array([each(_S) for each in every]))
             every = [every[number] for number in np.flatnonzero(are_clear)]
         every.sort(key=lambda each: each.discrete_energy)
+        return [(f"initial guess {number}", each) for number, each in enumerate(every, 2)]
+
+    @cached_property
+    def second(self) -> list[tuple[str, Path]]:
+        """The first of these, if it has little more energy than the problem's own guess."""
         return [
-            (f"initial guess {number}", each)
-            for number, each in enumerate(every, 2)
-            if each.discrete_energy < _LITTLE_MORE * own.discrete_energy
+            (name, path)
+            for name, path in self._others[:1]
+            if path.discrete_energy < _LITTLE_MORE * self._path.discrete_energy
         ]
+
+    def _given(self, those: list[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
+        """Yield those of the problem's other guesses that have not been tried."""
+        for name, path in those:
+            if name not in self.tried:
+                self.tried.append(name)
+                self._seen.append(path(_S))
+                yield name, path
 
     def last(self) -> Iterator[tuple[str, Path | None]]:
         """Yield the problem's own guess if it was left out, as neither it nor a detour is clear
@@ -316,9 +329,10 @@ class Guesses:
         return "", None
 
     def further(self, several: bool) -> Iterator[tuple[str, Path | None]]:
-        """Yield paths of the planner, after detours from random configurations if `several` are
-        wanted.
+        """Yield the problem's other guesses, and paths of the planner, after detours from random
+        configurations if `several` are wanted.
         """
+        yield from self._given(self._others)
         space, own, metric, seen = self._space, self._own, self.definition.metric, self._seen
         if not (several or self.definition.conditions.along_q):
             return

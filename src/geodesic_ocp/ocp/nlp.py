@@ -254,15 +254,14 @@ def initial_nodes(
         start, end = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
         # Exactly constant if both ends are equal: rounding would look like motion.
         given = np.nan_to_num(start + grid.nodes[:, None] * (end - start))
-    nodes = np.array(given, dtype=float)
-    nodes = nodes[0] if nodes.ndim == 3 and len(nodes) else nodes
-    shape = (grid.size, definition.metric.dim)
-    if nodes.shape != shape or not np.all(np.isfinite(nodes)):
+    nodes, shape = np.array(given, dtype=float), (grid.size, definition.metric.dim)
+    are_several = int(nodes.ndim == 3 and len(nodes) > 0)
+    if nodes.shape[are_several:] != shape or not np.all(np.isfinite(nodes)):
         raise ValueError(
             f"guess(s) must give finite positions of shape {shape} for s of shape ({grid.size},), "
             f"got shape {nodes.shape}"
         )
-    return np.asarray(np.clip(nodes, bounds.lower, bounds.upper))
+    return np.asarray(np.clip(nodes[0] if are_several else nodes, bounds.lower, bounds.upper))
 
 
 def _units(

@@ -227,7 +227,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
                     break
                 first = _named(search.begin(path), name)
                 waiting.append((first, path))
-                is_clear = not name and len(waiting) + len(failed) == 1 and not guesses.others
+                is_clear = not name and len(waiting) + len(failed) == 1 and not guesses.second
                 wanted = num_starts if several else 1 if is_clear else enough
                 tried = len(waiting) + len(failed) + len(found)
                 if first.stats.status == STOPPED:

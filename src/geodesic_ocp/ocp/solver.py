@@ -57,7 +57,9 @@ _SYSTEMS = {
 _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 # From a path beside obstacles it stays on their side; on `_NEAR` it stops at the first optimum.
 _BESIDE = {**_NEAR, "mu_init": 1e-3}
-_WELL_KNOWN = 1e-2  # of the path's extent: distance of nodes of a solution from the true ones
+# Times as far as by a force at a free end a path may move, in the metric's softest direction; nodes
+# at which that is computed.
+_SOFT, _SAMPLES = 10.0, 8
 FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
 # Among many bodies, nodes of a solution move by at most this [rad or m] from one program to the
 # next, `_GROWTH` times as far where they did, and less after a failure, from which it grows by
@@ -295,7 +297,7 @@ class Solver:
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)
-        solution = _solution(self.problem, self.conditions, nlp, outcome)
+        solution = _solution(self.problem, self.conditions, nlp, outcome, tolerance)
         return self._beyond_saddle(nlp, solution) if outcome.may_be_saddle else solution
 
     def _beyond_saddle(self, nlp: NLP, solution: Solution) -> Solution:
@@ -337,7 +339,13 @@ def _shared_ipopt(definition: ProblemDefinition, shape: Grid, settings: _Setting
     return _ipopt(definition.transcription(shape), settings)
 
 
-def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outcome) -> Solution:
+def _solution(
+    problem: Problem,
+    conditions: Conditions,
+    nlp: NLP,
+    outcome: Outcome,
+    tolerance: float | None,
+) -> Solution:
     """Return the solution under all conditions of a problem, from an NLP with some of them."""
     bounds, units = nlp.bounds, nlp.units
     iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
@@ -356,24 +364,40 @@ def _solution(problem: Problem, conditions: Conditions, nlp: NLP, outcome: Outco
         max_node_violation=violation,
         worst_constraint=worst,
         max_path_violation=max(violation, float(between)),
-        gap=units.scale * _gap(nlp, outcome),
+        gap=units.scale * _gap(nlp, outcome, tolerance),
     )
     return Solution(problem, conditions, path, stats, iterate)
 
 
-def _gap(nlp: NLP, outcome: Outcome) -> float:
+def _gap(nlp: NLP, outcome: Outcome, tolerance: float | None) -> float:
     """Return the sum of all bounds' multipliers times distances: the duality gap if the program is
-    convex. The solution is taken to be within `_WELL_KNOWN`, so that bounds farther away count
-    little.
+    convex.
+
+    Inactive bounds of coordinates are most of it, and hardly an error of the objective. If half the
+    tolerance is exceeded, distances count up to how far the path would move without the forces of
+    the bounds that are farther away.
     """
-    bounds, gap = nlp.bounds, 0.0
-    ends = [nlp.units.scaled(each).ravel() for each in (bounds.lower, bounds.upper)]
-    for value, lam, (lower, upper), farthest in (
-        (outcome.x, outcome.lam_x, ends, _WELL_KNOWN),
-        (outcome.g, outcome.lam_g, (bounds.lower_g, bounds.upper_g), np.inf),
-    ):
-        bound = np.where(lam > 0.0, upper, lower)
-        some = np.isfinite(bound)
-        distances = np.minimum(np.abs(value - bound)[some], farthest)
-        gap += float(np.abs(lam[some]) @ distances)
-    return gap
+    bounds, units = nlp.bounds, nlp.units
+    ends = [units.scaled(each).ravel() for each in (bounds.lower, bounds.upper)]
+    forces, distances = _at_bounds(outcome.x, outcome.lam_x, *ends)
+    in_g = _at_bounds(outcome.g, outcome.lam_g, bounds.lower_g, bounds.upper_g)
+    gap = float(forces @ distances + in_g[0] @ in_g[1])
+    is_fine = tolerance is None or gap <= tolerance / 2.0 * abs(outcome.objective)
+    if is_fine or not nlp.conditions.cost.is_zero():
+        return gap
+    q = units.positions(outcome.x.reshape(nlp.nodes.shape))[:: max(1, len(nlp.nodes) // _SAMPLES)]
+    softest = np.linalg.eigvalsh([nlp.definition.metric.matrix(each) for each in q]).min()
+    stiffness = softest * units.length**2 / units.scale
+    order = np.argsort(-distances)
+    moves, far = _SOFT * np.cumsum(forces[order]) / stiffness, distances[order]
+    if not (inactive := int(np.sum(moves < far))):
+        return gap
+    farthest = max(moves[inactive - 1], np.append(far, 0.0)[inactive])
+    return float(forces @ np.minimum(distances, farthest) + in_g[0] @ in_g[1])
+
+
+def _at_bounds(values: Array, lam: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return sizes of the multipliers of finite bounds, and distances from these."""
+    bound = np.where(lam > 0.0, upper, lower)
+    some = np.isfinite(bound)
+    return np.abs(lam[some]), np.abs((values - bound)[some])
