@@ -266,9 +266,11 @@ class Solver:
         values["ubx"] = np.minimum(values["ubx"], values["x0"] + farthest)
         given = {**_FILTER, **_SYSTEMS, "tol": self.tolerance, **usual}
         if (tolerance := self.path_tolerance) is not None:
-            # The sum over all active bounds, one of two at most, is an error of the objective.
-            lower, upper = (np.append(values[of + "x"], values[of + "g"]) for of in ("lb", "ub"))
-            most = 0.7 * tolerance / max(1, (np.isfinite(lower) | np.isfinite(upper)).sum())
+            # The sum over all active bounds is an error of the objective, of coordinates one of two
+            # at most; twice as exact for functions, as these are often active all along the path.
+            finite = {key: np.isfinite(values[key]) for key in ("lbx", "ubx", "lbg", "ubg")}
+            active = (finite["lbx"] | finite["ubx"]).sum() + finite["lbg"].sum()
+            most = 0.7 * tolerance / max(1, active + finite["ubg"].sum())
             given["compl_inf_tol"] = 10.0 * most  # Ipopt's barrier ends at an eleventh of that
             given["bound_relax_factor"] = min(1e-8, 1e-2 * tolerance)  # at first 1e-8
             if given.get("mu_init") == _WARM_START["mu_init"]:
