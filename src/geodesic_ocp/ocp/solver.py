@@ -384,17 +384,18 @@ def _gap(nlp: NLP, outcome: Outcome, tolerance: float | None) -> float:
     forces, distances = _at_bounds(outcome.x, outcome.lam_x, *ends)
     in_g = _at_bounds(outcome.g, outcome.lam_g, bounds.lower_g, bounds.upper_g)
     gap = float(forces @ distances + in_g[0] @ in_g[1])
-    is_fine = tolerance is None or gap <= tolerance / 2.0 * abs(outcome.objective)
-    if is_fine or not nlp.conditions.cost.is_zero():
+    if tolerance is None or not outcome.success or not nlp.conditions.cost.is_zero():
+        return gap
+    if gap <= tolerance / 2.0 * abs(outcome.objective):
         return gap
     q = units.positions(outcome.x.reshape(nlp.nodes.shape))[:: max(1, len(nlp.nodes) // _SAMPLES)]
     softest = np.linalg.eigvalsh([nlp.definition.metric.matrix(each) for each in q]).min()
-    stiffness = softest * units.length**2 / units.scale
     order = np.argsort(-distances)
-    moves, far = _SOFT * np.cumsum(forces[order]) / stiffness, distances[order]
-    if not (inactive := int(np.sum(moves < far))):
+    far = distances[order]
+    moves = np.cumsum(forces[order]) * (_SOFT * units.scale / units.length**2)
+    if not softest > 0.0 or not (inactive := int(np.sum(moves < softest * far))):
         return gap
-    farthest = max(moves[inactive - 1], np.append(far, 0.0)[inactive])
+    farthest = max(moves[inactive - 1] / softest, np.append(far, 0.0)[inactive])
     return float(forces @ np.minimum(distances, farthest) + in_g[0] @ in_g[1])
 
 
