@@ -441,6 +441,8 @@ class BlockProgram:
         parameters: symbols of the parameters p in which numbers of the blocks are expressed.
         quadratic: Q (size, size) and b (size,) of a term x' Q x / 2 - b' x; None: there is none.
         differentiable: whether CasADi can differentiate `functions`; they are slower then.
+        scales: symbols (size_g, 1), further parameters by which constraint functions are divided;
+            None: they are not.
     """
 
     size: int
@@ -448,6 +450,7 @@ class BlockProgram:
     parameters: ca.MX | None = None
     quadratic: tuple[scipy.sparse.sparray, Array] | None = None
     differentiable: bool = False
+    scales: ca.MX | None = None
 
     @property
     def size_g(self) -> int:
@@ -521,12 +524,18 @@ class BlockProgram:
             f, again, gradient = f + more, again + more, ca.densify(gradient + bent - linear)
         names, constraints = ["x", "p"], ca.vertcat(ca.MX(0, 1), *g)
         slopes = self._jacobian(pairs, before)
+        lam_of_blocks = lam_g
+        if self.scales is not None:
+            p = ca.vertcat(p, self.scales)
+            constraints = constraints / self.scales
+            slopes = ca.diag(1.0 / self.scales) @ slopes
+            lam_of_blocks = lam_g / self.scales
         functions = {
             "nlp": ([x, p], [f, constraints], names, ["f", "g"]),
             "grad_f": ([x, p], [again, gradient], names, ["f", "grad_f_x"]),
             "jac_g": ([x, p], [constraints, slopes], names, ["g", "jac_g_x"]),
             "hess_lag": (
-                *([x, p, lam_f, lam_g], [self._hessian(pairs, before, lam_f, lam_g)]),
+                *([x, p, lam_f, lam_g], [self._hessian(pairs, before, lam_f, lam_of_blocks)]),
                 *([*names, "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]),
             ),
         }

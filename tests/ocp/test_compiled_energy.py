@@ -39,7 +39,8 @@ def test_compiled_derivatives_equal_interpreted_ones(
         Transcription(each, replace(grid, ends=None), grid.nodes) for each in terms
     )
     x = rng.normal(size=arm.dof * grid.size)
-    p = Units(rng.normal(size=arm.dof), 0.7, 3.0).parameters(grid, rng.normal(size=3))
+    units = Units(rng.normal(size=arm.dof), 0.7, 3.0)
+    p = interpreted.parameters(units, grid, rng.normal(size=3))
     factors = rng.normal(size=interpreted.program.size_g)
     arguments = {"value": [x, p], "objective": [x, p], "hessian": [x, p, 0.7, factors]}
     for name, values in arguments.items():

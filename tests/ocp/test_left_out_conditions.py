@@ -193,7 +193,7 @@ def test_distances_of_one_body_share_their_derivatives(arm: go.Model) -> None:
     assert len(conditions.groups) == 2
     nlp = problem.nlp(go.Grid(2, 3))
     g = nlp.transcription.constraints(nlp.values["x0"], nlp.p)[0].full()[:, 0]
-    by_name = nlp.bounds.multipliers(np.zeros(nlp.nodes.size), g)
+    by_name = nlp.bounds.multipliers(np.zeros(nlp.nodes.size), nlp.bounds.scales_g * g)
     for node, q in enumerate(nlp.nodes):
         distances = go.distances.signed_distances(arm, q, [*balls, rod], links=["right hand"])
         for name, distance in distances.items():

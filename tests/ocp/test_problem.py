@@ -154,7 +154,9 @@ def test_assembled_derivatives_equal_those_of_casadi(
     transcription = Transcription(
         PathTerms.of(problem.metric, terms), replace(grid, ends=None), grid.nodes
     )
-    p = Units(rng.normal(size=2), 0.7, 3.0).parameters(grid, rng.normal(size=7))
+    units = Units(rng.normal(size=2), 0.7, 3.0)
+    scales = rng.uniform(0.5, 2.0, transcription.program.size_g)
+    p = transcription.parameters(units, grid, rng.normal(size=7), scales)
     check_derivatives(transcription, p, rng)
 
 

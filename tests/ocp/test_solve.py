@@ -71,7 +71,7 @@ def test_assembled_derivatives_equal_those_of_casadi(
     transcription = Transcription(
         PathTerms.of(problem.metric, terms), replace(grid, ends=None), grid.nodes
     )
-    p = Units(rng.normal(size=7), 0.7, 3.0).parameters(grid)
+    p = transcription.parameters(Units(rng.normal(size=7), 0.7, 3.0), grid)
     check_derivatives(transcription, p, rng)
 
 

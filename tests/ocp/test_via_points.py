@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import null_space
 
 import geodesic_ocp as go
+from geodesic_ocp.ocp.transcription import Units
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET, POINT = (0.1, 0.45, -0.05), (0.3, 0.3, -0.2)  # [m]
@@ -153,7 +154,7 @@ def test_assembled_derivatives_equal_those_of_casadi(rng: np.random.Generator) -
     for smooth in (True, False):
         grid = go.Grid(6, 3).with_via_points([0.3, 0.6])
         transcription = Curved(continuous_velocity_at_via=smooth).nlp(grid).transcription
-        p = np.concatenate([[1.3, 0.7], rng.normal(size=2), grid.widths])
+        p = transcription.parameters(Units(rng.normal(size=2), 1.3, 0.7), grid)
         check_derivatives(transcription, p, rng)
 
 

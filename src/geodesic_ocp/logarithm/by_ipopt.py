@@ -78,10 +78,11 @@ def _initial_velocity(metric: Metric, solution: Solution) -> tuple[Array, Array]
     nodes = solution.path.nodes
     extent = float(np.ptp(nodes, axis=0).max())
     units = Units(nodes[0], extent, extent**2)
+    transcription = solution.iterate.nlp.transcription
     momentum, by_goal = evaluate(
-        solution.iterate.nlp.transcription.momentum,
+        transcription.momentum,
         units.scaled(nodes).ravel(),
-        units.parameters(solution.path.grid),
+        transcription.parameters(units, solution.path.grid),
     )
     tensor = metric.matrix(nodes[0])
     return np.linalg.solve(tensor, momentum[:, 0]), np.linalg.solve(tensor, by_goal)

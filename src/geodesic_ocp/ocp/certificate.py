@@ -127,7 +127,7 @@ def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
     energy = transcription.energy(grid, nodes)
     units = Units(nodes[0], extent, energy if 0.0 < energy < np.inf else 1.0)
     x = units.scaled(nodes).ravel()
-    p = units.parameters(grid)
+    p = transcription.parameters(units, grid)
     _, gradient = transcription.objective(x, p)
     hessian = transcription.full_hessian(x, p, np.zeros(0))
     return gradient.full()[n:-n, 0], hessian[n:-n, n:-n]
@@ -373,7 +373,7 @@ def _endpoint_error(path: Path, velocity: Array) -> float:
     """Return distance of the geodesic with this initial velocity from the path's end."""
     extent = float(np.ptp(path.nodes, axis=0).max())
     try:
-        arrival = exp(path.metric, path.nodes[0], velocity, tolerance=1e-9 * max(1.0, extent))
+        arrival = exp(path.metric, path.nodes[0], velocity, tolerance=1e-9 * (extent or 1.0))
     except (IntegrationFailed, ValueError):  # it does not get there, or no metric at the start
         return np.inf
     return float(np.abs(arrival - path.nodes[-1]).max())

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,30 @@ from geodesic_ocp.trajectory.grid import Grid
 
 _FEW = 20  # conditions in q, more than which are many
 CELLS = 32
+
+
+class Bounded(Protocol):
+    """What has bounds (m,)."""
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds."""
+
+    @property
+    def upper(self) -> Array:
+        """Upper bounds."""
+
+    @property
+    def scales(self) -> Array:
+        """Units in which violations are compared."""
+
+
+def excess_over_bounds(bounds: Bounded, values: Array) -> Array:
+    """Get distance of values (m, k) from the bounds in units of their scales, positive outside; NaN
+    counts as infinite.
+    """
+    excess = np.maximum(bounds.lower[:, None] - values, values - bounds.upper[:, None])
+    return np.asarray(np.where(np.isnan(excess), np.inf, excess / bounds.scales[:, None]))
 
 
 def cells_at(s: Array) -> Indices:
@@ -36,6 +60,7 @@ class Condition(ShortRepr):
         coordinates: indices (m,) into the symbols if every row is a bare symbol, else None.
         instance: the expression as one in q whose terms others share, else None.
         cells: of `CELLS` equal intervals of s, those in which an instance is part of a program.
+        scale: unit of the values, for all rows or (m,), in which violations are compared.
     """
 
     name: str
@@ -45,12 +70,18 @@ class Condition(ShortRepr):
     coordinates: tuple[int, ...] | None
     instance: Instance | None = None
     cells: NDArray[np.bool_] = field(default_factory=lambda: np.ones(CELLS, dtype=bool))
+    scale: Array | float = 1.0
     _shown = ("name", "size")
 
     @property
     def size(self) -> int:
         """Number m of rows."""
         return int(self.expression.shape[0])
+
+    @property
+    def scales(self) -> Array:
+        """Unit of every row (m,)."""
+        return np.broadcast_to(self.scale, self.size)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,6 +127,23 @@ class Conditions(ShortRepr):
         for at_one in self.via:
             yield from at_one
         yield from self.via_continuity
+
+    def with_scales(self, scales: Mapping[str, Array | float], usual: float) -> Conditions:
+        """Return these with scales by name; the usual one where none is given."""
+
+        def scaled(group: Sequence[Condition]) -> tuple[Condition, ...]:
+            return tuple(replace(each, scale=scales.get(each.name, usual)) for each in group)
+
+        return replace(
+            self,
+            fixed=scaled(self.fixed),
+            ends=scaled(self.ends),
+            bounds=scaled(self.bounds),
+            along_q=scaled(self.along_q),
+            along_qv=scaled(self.along_qv),
+            via=tuple(map(scaled, self.via)),
+            via_continuity=scaled(self.via_continuity),
+        )
 
     @cached_property
     def groups(self) -> list[Group]:
@@ -162,6 +210,11 @@ class Group(ShortRepr):
         lower, upper = zip(*((each.lower, each.upper) for each in self.conditions), strict=True)
         return np.concatenate(lower), np.concatenate(upper)
 
+    @cached_property
+    def scales(self) -> Array:
+        """Units of all values, (rows,)."""
+        return np.concatenate([each.scales for each in self.conditions])
+
     def at_nodes(self, s: Array) -> tuple[Indices, Indices]:
         """Return each node of a grid, and of each the conditions that are part of a program."""
         kept = np.stack([each.cells for each in self.conditions], axis=1)
@@ -213,7 +266,7 @@ def stacked(conditions: Sequence[Condition]) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *(condition.expression for condition in conditions))
 
 
-_TOLERANCE = 1e-9
+_ROUNDING = 1e-9  # of a fixed end, beside its bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +300,8 @@ class NodeBounds(ShortRepr):
         lower, upper: lower and upper of the positions at the nodes, (size, n).
         ends: values to which the first and the last node are fixed, (2, n), NaN if free.
         lower_g, upper_g: lower and upper g of the constraint functions, in the order of the
-            transcription.
+            transcription, in units of their scales.
+        scales_g: these scales.
         grid: the grid.
     """
 
@@ -256,6 +310,7 @@ class NodeBounds(ShortRepr):
     ends: Array
     lower_g: Array
     upper_g: Array
+    scales_g: Array
     grid: Grid
     _in_x: tuple[_Rows, ...]
     _in_g: tuple[_Rows, ...]
@@ -270,7 +325,7 @@ class NodeBounds(ShortRepr):
         Raises:
             ValueError: a fixed end lies outside the problem's own bounds.
         """
-        n = conditions.q.shape[0]
+        n = int(conditions.q.shape[0])
         lower, upper = np.full((grid.size, n), -np.inf), np.full((grid.size, n), np.inf)
         in_x = []
         for condition in conditions.bounds:
@@ -284,7 +339,8 @@ class NodeBounds(ShortRepr):
             at_end, columns = np.divmod(np.array(condition.coordinates), n)
             for end, column, value in zip(at_end, columns, condition.lower, strict=True):
                 low, high = lower[-end, column], upper[-end, column]
-                if not low - _TOLERANCE <= value <= high + _TOLERANCE:
+                rounding = _ROUNDING * max(np.max(condition.scale), abs(value))
+                if not low - rounding <= value <= high + rounding:
                     which = (
                         f"joint {joint_names[column]}" if joint_names else f"coordinate {column}"
                     )
@@ -313,10 +369,15 @@ class NodeBounds(ShortRepr):
             members = group.conditions if isinstance(group, Group) else group
             in_g += list(_interleaved(members, count, start))
             start += count * sum(condition.size for condition in members)
-        lower_g, upper_g = np.empty(start), np.empty(start)
+        lower_g, upper_g, scales_g = np.empty((3, start))
         for rows in in_g:
-            lower_g[rows.index], upper_g[rows.index] = rows.condition.lower, rows.condition.upper
-        return cls(lower, upper, ends, lower_g, upper_g, grid, tuple(in_x), tuple(in_g))
+            scales = rows.condition.scales
+            scales_g[rows.index] = scales
+            lower_g[rows.index] = rows.condition.lower / scales
+            upper_g[rows.index] = rows.condition.upper / scales
+        return cls(
+            *(lower, upper, ends, lower_g, upper_g, scales_g, grid, tuple(in_x), tuple(in_g))
+        )
 
     def with_rows(self, upper: Array) -> NodeBounds:
         """Return these and upper bounds of further constraint functions, the last ones."""
@@ -326,18 +387,18 @@ class NodeBounds(ShortRepr):
             self,
             lower_g=np.append(self.lower_g, lower),
             upper_g=np.append(self.upper_g, upper),
+            scales_g=np.append(self.scales_g, np.ones(upper.size)),
             _in_g=(*self._in_g, _Rows(rows, first + np.arange(upper.size)[None])),
         )
 
     def worst(self, x: Array, g: Array) -> tuple[float, str]:
-        """Return largest violation at the nodes and the name of its condition; NaN counts as
-        infinite.
+        """Return largest violation at the nodes, in the scale of its condition, and the name of that;
+        NaN counts as infinite.
         """
         violations = [(0.0, "")]
-        for rows, source in self._all_rows(x, g):
-            found, condition = source[rows.index], rows.condition
-            excess = np.maximum(condition.lower - found, found - condition.upper)
-            excess = np.where(np.isnan(excess), np.inf, excess)
+        for rows, source in self._all_rows(x, self.scales_g * g):
+            condition = rows.condition
+            excess = excess_over_bounds(condition, source[rows.index].T)
             violations.append((float(np.max(excess, initial=0.0)), condition.name))
         return max(violations, key=lambda pair: pair[0])
 

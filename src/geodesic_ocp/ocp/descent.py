@@ -26,8 +26,7 @@ from geodesic_ocp.trajectory.path import Path
 _CLEAR = 3e-3  # violation anywhere on a path
 _BETTER = 0.95  # of the violation before, if that was larger
 _CORRECTED = 0.2  # of a violation that is larger, by one step
-_RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.3  # [rad or m], in problems as large as a robot's
-_LARGE = 10.0  # extent of a path [rad or m] that is larger than a robot's
+_RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.3  # sizes of the problem
 _WIDER, _NARROWER = 1.3, 1.5  # factors, the one where nodes move by this share of the radius
 _FAR = 0.7
 _STEPS, _LAST = 80, 5e-3  # relative decrease of the energy by the last step
@@ -52,18 +51,13 @@ def still_moving(solution: Solution) -> Solution:
     return replace(solution, stats=replace(solution.stats, success=False, status=status))
 
 
-def size_of(path: Path) -> float:
-    """Return 1, or the factor by which a path is larger than those of robots."""
-    return max(1.0, float(np.ptp(path.nodes, axis=0).max()) / _LARGE)
-
-
 def descend(definition: ProblemDefinition, solve: Solve, path: Path) -> tuple[Path, Solution]:
     """Return the path that short steps from a nearly clear path lead to, which is nearly of least
     energy, and the solution of the last step.
     """
     samples = path_samples(definition.conditions)
     without = replace(definition.restricted({}), key=None)
-    size = size_of(path)
+    size = definition.size
     radius = _RADIUS * size
     energy, violation = path.discrete_energy, _violation(samples, path)
     decrease, last = 1.0, None

@@ -5,6 +5,9 @@ Detours are straight lines through one more configuration, smoothed and moved ou
 constraints in turn. Where none of them is clear, a rapidly-exploring random tree from either end
 finds a path (RRT-Connect: Kuffner and LaValle, ICRA 2000), which is then shortened. Both know the
 constraints in the configuration alone, not those on velocities.
+
+All lengths are in sizes of the problem, and configurations y = q / size; violations are in the
+scales of the constraints (`scales`).
 """
 
 from __future__ import annotations
@@ -20,50 +23,65 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Terms
-from geodesic_ocp.manifold.metric import Metric, speeds_at
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.ocp.conditions import Condition, Group, NodeBounds, stacked
 from geodesic_ocp.ocp.nlp import ProblemDefinition, initial_nodes
 from geodesic_ocp.ocp.pose_search import pose_steps, search_simultaneously
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-_CLEAR = 1e-6  # violation, in the unit of the constraint, that a configuration may have
+_CLEAR = 1e-6  # violation that a configuration may have
 _TINY = 1e-12
-_AROUND = 1.5  # of a path's extent: how far samples of unbounded coordinates lie from it
+# Of a path's extent, and at least: how far samples of unbounded coordinates lie from it.
+_AROUND, _LEAST_AROUND = 1.5, 1.0
 _OWN = "the initial guess"
 _STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
 # Detours.
 _S = np.linspace(0.0, 1.0, 25)  # of their nodes
 _BETWEEN = 4  # checks from one node to the next
 _DETOURS, _BENDS = 2, 24  # deterministic ones that are tried, and random ones
-_OFFSET = 0.3  # of the box, or a radian: how far one leads aside
+_OFFSET, _FARTHEST = 0.3, 1.0  # of the box, and at most: how far one leads aside
 _ROUNDS, _FIRM = 8, 30.0  # of pushing and smoothing; weight of pushed against smooth
 _MARGIN = 0.1  # of the violation on the first path, by which nodes are pushed clear
-_LONGEST = 0.3  # step of a node [rad or m]
+_LONGEST = 0.3  # step of a node
 _DEFORMATIONS = 5  # paths that are checked on the way from one path to another
-_SAME = 0.1  # [rad or m]: paths nearer than this everywhere lead to the same solution
+_SAME = 0.1  # paths nearer than this everywhere lead to the same solution
 _LITTLE_MORE = 1.25  # times the energy of the problem's own guess, that another one may have
 # The planner.
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 300
 _AMONG_MANY = 3  # times as many samples among many bodies, where the straight line leads nowhere
-_REACH = 1.5  # [rad or m]: longest line towards a sample
+_REACH = 1.5  # longest line towards a sample
 _NEARBY = 0.2  # of the range of a constraint's values: nearer ones count
-_SPACING = 0.05  # [rad or m] between checks along a line
+_SPACING = 0.05  # between checks along a line
 _EACH = 8  # every so many of them become nodes of a tree
-_LINES, _SLIDE, _AWAY = 6, 0.5, 2e-3  # towards a sample, [rad or m], away from what blocks
+_LINES, _SLIDE, _AWAY = 6, 0.5, 2e-3  # towards a sample, along what blocks, away from that
 
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """Configurations that satisfy the path constraints of a problem that are in q alone."""
+    """Configurations y that satisfy the path constraints of a problem that are in q alone."""
 
     definition: ProblemDefinition
     near: Array | None = None  # configurations (k, n) near which constraints count; None: all
 
     @cached_property
-    def bounds(self) -> NodeBounds:
-        """Bounds of the coordinates at the start, in between and at the end."""
+    def _at_nodes(self) -> NodeBounds:
         return NodeBounds.on_grid(self.definition.conditions, Grid(1, 2))
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower bounds (3, n) of the coordinates at the start, in between and at the end."""
+        return self._at_nodes.lower / self.definition.size
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper bounds (3, n)."""
+        return self._at_nodes.upper / self.definition.size
+
+    @cached_property
+    def fixed(self) -> Array:
+        """Values to which start and end are fixed, (2, n), NaN if free."""
+        return self._at_nodes.ends / self.definition.size
 
     @cached_property
     def _groups(self) -> list[Group]:
@@ -82,8 +100,9 @@ class FreeSpace:
 
     def _sides(self, group: Group, q: Array, known: dict[Terms, Array]) -> tuple[Array, Array]:
         """Return how far values at configurations (k, n) lie below and above bounds, (k, rows)."""
-        values, (lower, upper) = group.values(q, self._p, known), group.bounds
-        return lower - values, values - upper
+        values = group.values(self.definition.size * q, self._p, known)
+        lower, upper = group.bounds
+        return (lower - values) / group.scales, (values - upper) / group.scales
 
     @property
     def _p(self) -> Array:
@@ -100,7 +119,7 @@ class FreeSpace:
         return self._values(q, True)
 
     def _values(self, q: Array, gradients: bool) -> tuple[Array, Array]:
-        lower, upper = self.bounds.lower[1], self.bounds.upper[1]
+        size = self.definition.size
         excess = np.full(len(q), -np.inf)
         slopes, known = np.zeros(q.shape), dict[Terms, Array]()
         for group in self._groups if len(q) else ():
@@ -111,12 +130,14 @@ class FreeSpace:
             more = over[at, worst] > excess
             excess[more] = over[at, worst][more]
             if gradients and np.any(more):
-                found = np.nan_to_num(group.slopes(q[more], self._p, worst[more]))
+                found = np.nan_to_num(group.slopes(size * q[more], self._p, worst[more]))
                 is_above = (above > below)[at, worst][more]
-                slopes[more] = np.where(is_above, 1.0, -1.0)[:, None] * found
+                signs = np.where(is_above, 1.0, -1.0) / group.scales[worst[more]]
+                slopes[more] = size * signs[:, None] * found
         if gradients:
             return excess, slopes
-        return np.maximum(excess, np.maximum(lower - q, q - upper).max(axis=1)), slopes
+        outside = np.maximum(self.lower[1] - q, q - self.upper[1]).max(axis=1)
+        return np.maximum(excess, outside), slopes
 
     def is_clear(self, paths: Array) -> NDArray[np.bool_]:
         """Return which polylines (m, k, n) are clear of all constraints, (m,)."""
@@ -135,7 +156,7 @@ class FreeSpace:
         first, at_once = 0, 4  # most lines are blocked soon
         while first < len(every):
             q, known = every[first : first + at_once], dict[Terms, Array]()
-            free = _before(np.maximum(self.bounds.lower[1] - q, q - self.bounds.upper[1]))
+            free = _before(np.maximum(self.lower[1] - q, q - self.upper[1]))
             for group in self._groups if free else ():
                 known = {terms: each[:free] for terms, each in known.items()}
                 free = _before(np.maximum(*self._sides(group, q[:free], known)))
@@ -159,7 +180,7 @@ class FreeSpace:
         if length < _SPACING:
             return None
         end = free + min(1.0, _SLIDE / length) * along - (excess + _AWAY) / square * slopes
-        return np.asarray(np.clip(end, self.bounds.lower[1], self.bounds.upper[1]))
+        return np.asarray(np.clip(end, self.lower[1], self.upper[1]))
 
     def ends(self, at_end: bool, rng: np.random.Generator, box: tuple[Array, Array]) -> Array:
         """Return free configurations (k, n) of one end, from random starts if it is not fixed.
@@ -167,7 +188,7 @@ class FreeSpace:
         There are none if a condition on it depends on the other end or on velocities.
         """
         c, side = self.definition.conditions, -1 if at_end else 0
-        fixed = self.bounds.ends[side]
+        fixed = self.fixed[side]
         if not np.any(np.isnan(fixed)):
             return np.asarray(fixed[None])
         own, other = (c.q1, c.q0) if at_end else (c.q0, c.q1)
@@ -175,13 +196,13 @@ class FreeSpace:
         held = [each for each in c.ends if ca.depends_on(each.expression, own)]
         if any(ca.depends_on(each.expression, others) for each in held):
             return np.zeros((0, fixed.size))
-        limits = self.bounds.lower[side], self.bounds.upper[side]
+        limits = self.lower[side], self.upper[side]
         steps = _EndSteps(self, own, held, limits)
         starts = rng.uniform(*box, (_STARTS, fixed.size))
         found = search_simultaneously(steps, starts, limits, 2 * _GOALS, np.inf)
         q = found.q[found.errors <= _CLEAR]
         q = q[self.excess(q) <= _CLEAR]
-        near = self.bounds.ends[-1 - side]
+        near = self.fixed[-1 - side]
         distances = np.nansum((q - near) ** 2, axis=1)
         return q[np.argsort(distances)[:_GOALS]]
 
@@ -209,13 +230,17 @@ class _EndSteps:
         c = space.definition.conditions
         self._space, self._p, self._limits = space, c.p_values, limits
         self._values = np.concatenate([np.zeros(0), *(each.lower for each in held)])
+        self._scales = np.concatenate([np.zeros(0), *(each.scales for each in held)])
         self._terms = Terms(own, c.p, 0.0, stacked(held))
 
     def __call__(self, q: Array) -> tuple[Array, Array, Array]:
-        g, jacobians = self._terms.jacobians(q, self._p)
+        size = self._space.definition.size
+        g, jacobians = self._terms.jacobians(size * q, self._p)
+        g = (g - self._values) / self._scales
+        jacobians = size * jacobians / self._scales[:, None]
         excess, slopes = self._space.outward(q)
         violated = excess > 0.0
-        errors = np.column_stack([g - self._values, np.where(violated, excess, 0.0)])
+        errors = np.column_stack([g, np.where(violated, excess, 0.0)])
         slopes = np.where(violated[:, None], slopes, 0.0)[:, None]
         jacobians = np.concatenate([jacobians, slopes], axis=1)
         return errors, *pose_steps(q, errors, jacobians, self._limits)
@@ -248,7 +273,14 @@ class Guesses:
     @cached_property
     def _own(self) -> Array:
         """The problem's own guess, (25, n)."""
-        return self._path(_S)
+        return self._sampled(self._path)
+
+    def _sampled(self, path: Path) -> Array:
+        """Return configurations (25, n) of a path."""
+        return np.asarray(path(_S) / self.definition.size)
+
+    def _through(self, waypoints: Array) -> Path:
+        return Path.through(self.definition.metric, self.definition.size * waypoints)
 
     @cached_property
     def _seen(self) -> list[Array]:
@@ -262,17 +294,17 @@ class Guesses:
             yield self._as_own()
             yield from self._given(self.second)
             return
-        space, own, metric = self._space, self._own, self.definition.metric
+        space, own = self._space, self._own
         if is_clear := space.is_clear(own[None])[0]:
             self._seen.append(own)
             yield self._as_own()
             yield from self._given(self.second)
-        box = _box(space, own, metric)
-        detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), metric, own)
+        box = _box(space, own)
+        detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), own)
         detours = [q for q in detours if _is_new(q, self._seen)][:_DETOURS]
         for number, q in enumerate(detours):
             self.tried.append(f"detour {number + 1}")
-            yield self.tried[-1], Path.through(metric, q)
+            yield self.tried[-1], self._through(q)
         # Among many bodies a guess through them comes last, as it takes long to solve.
         if not is_clear and (detours or several or not self.definition.conditions.are_many):
             yield self._as_own()
@@ -285,10 +317,13 @@ class Guesses:
         given = self.definition.guess(self.grid.nodes)
         if given is None or np.ndim(given) < 3:
             return []
-        seen, metric = [given[0]], self.definition.metric
-        every = [Path(metric, self.grid, nodes) for nodes in given[1:] if _is_new(nodes, seen)]
+        size, metric = self.definition.size, self.definition.metric
+        seen = [given[0] / size]
+        every = [
+            Path(metric, self.grid, nodes) for nodes in given[1:] if _is_new(nodes / size, seen)
+        ]
         if every and self.definition.conditions.along_q:
-            are_clear = self._space.is_clear(np.array([each(_S) for each in every]))
+            are_clear = self._space.is_clear(np.array([self._sampled(each) for each in every]))
             every = [every[number] for number in np.flatnonzero(are_clear)]
         every.sort(key=lambda each: each.discrete_energy)
         return [(f"initial guess {number}", each) for number, each in enumerate(every, 2)]
@@ -307,7 +342,7 @@ class Guesses:
         for name, path in those:
             if name not in self.tried:
                 self.tried.append(name)
-                self._seen.append(path(_S))
+                self._seen.append(self._sampled(path))
                 yield name, path
 
     def last(self) -> Iterator[tuple[str, Path | None]]:
@@ -322,7 +357,8 @@ class Guesses:
         (visibility deformation: Jaillet and Simeon, Int. J. Robotics Research 27, 2008).
         """
         shares = np.linspace(0.0, 1.0, _DEFORMATIONS + 2)[1:-1, None, None]
-        return bool(np.all(self._space.is_clear(one(_S) + shares * (other(_S) - one(_S)))))
+        first, last = self._sampled(one), self._sampled(other)
+        return bool(np.all(self._space.is_clear(first + shares * (last - first))))
 
     def _as_own(self) -> tuple[str, None]:
         self.tried.append(_OWN)
@@ -333,23 +369,23 @@ class Guesses:
         configurations if `several` are wanted.
         """
         yield from self._given(self._others)
-        space, own, metric, seen = self._space, self._own, self.definition.metric, self._seen
+        space, own, seen = self._space, self._own, self._seen
         if not (several or self.definition.conditions.along_q):
             return
-        box, rng = _box(space, own, metric), np.random.default_rng(0)
+        box, rng = _box(space, own), np.random.default_rng(0)
         starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
         if not len(starts) or not len(goals):
             self.tried.append("no end of a path was found that meets the constraints")
             return
-        box = _box(space, np.vstack([own, starts, goals]), metric)
+        box = _box(space, np.vstack([own, starts, goals]))
         if several:
             middles = rng.uniform(*box, (_BENDS, own.shape[1]))
             ends = goals[np.arange(_BENDS) % len(goals)]
             bends = np.array([_bent(starts[0], *each) for each in zip(middles, ends, strict=True)])
-            for number, q in enumerate(_clear_detours(space, bends, metric, own)):
+            for number, q in enumerate(_clear_detours(space, bends, own)):
                 if _is_new(q, seen):
                     self.tried.append(f"random detour {number + 1}")
-                    yield self.tried[-1], Path.through(metric, q)
+                    yield self.tried[-1], self._through(q)
         samples = _SAMPLES * (_AMONG_MANY if self.definition.conditions.are_many else 1)
         for number in range(_PLANS):
             waypoints = connect(space, starts, goals, box, rng, samples)
@@ -357,20 +393,22 @@ class Guesses:
                 self.tried.append(f"a sampling planner that found no path in {samples} samples")
                 return
             waypoints = shortcut(space, waypoints, rng)
-            if np.isfinite(_energy(metric, waypoints)):
-                path = Path.through(metric, waypoints)
-                if _is_new(path(_S), seen):
+            if np.isfinite(_energy(self.definition, waypoints)):
+                path = self._through(waypoints)
+                if _is_new(self._sampled(path), seen):
                     self.tried.append(f"planner {number + 1}")
                     yield self.tried[-1], path
 
 
-def _box(space: FreeSpace, own: Array, metric: Metric) -> tuple[Array, Array]:
+def _box(space: FreeSpace, own: Array) -> tuple[Array, Array]:
     """Return bounds (n,) of samples: those of the problem, but not far from a path."""
-    lower, upper = space.bounds.lower[1], space.bounds.upper[1]
+    lower, upper = space.lower[1], space.upper[1]
     least, most = own.min(axis=0), own.max(axis=0)
-    periods = np.array(metric.periods or np.zeros(lower.size))  # infinite if there is none
-    around = np.maximum(
-        np.where(np.isfinite(periods), periods / 2.0, 0.0), max(_AROUND * np.max(most - least), 1.0)
+    definition = space.definition
+    periods = np.array(definition.metric.periods or np.zeros(lower.size)) / definition.size
+    around = np.maximum(  # periods are infinite where there are none
+        np.where(np.isfinite(periods), periods / 2.0, 0.0),
+        max(_AROUND * np.max(most - least), _LEAST_AROUND),
     )
     wide = ~np.isfinite(upper - lower)
     return (
@@ -379,12 +417,13 @@ def _box(space: FreeSpace, own: Array, metric: Metric) -> tuple[Array, Array]:
     )
 
 
-def _energy(metric: Metric, q: Array) -> float:
+def _energy(definition: ProblemDefinition, waypoints: Array) -> float:
     """Return energy of the polyline through points (k, n); infinite where there is no metric, or
     no motion.
     """
+    q = definition.size * waypoints
     steps = np.diff(q, axis=0)
-    length = float(np.sum(speeds_at(metric, q[:-1] + steps / 2.0, steps)))
+    length = float(np.sum(speeds_at(definition.metric, q[:-1] + steps / 2.0, steps)))
     return length**2 / 2.0 if length > 0.0 else np.inf
 
 
@@ -410,18 +449,20 @@ def _beside(own: Array, box: tuple[Array, Array]) -> Array:
     coordinate, (2 n + 1, 25, n).
     """
     start, end = own[0], own[-1]
-    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(start.size)
+    offsets = np.minimum(_OFFSET * (box[1] - box[0]), _FARTHEST) * np.eye(start.size)
     beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])
     middles = np.clip((start + end) / 2.0 + beside, *box)
     return np.array([_bent(start, middle, end) for middle in middles])
 
 
-def _clear_detours(space: FreeSpace, paths: Array, metric: Metric, own: Array) -> list[Array]:
+def _clear_detours(space: FreeSpace, paths: Array, own: Array) -> list[Array]:
     """Return paths (25, n) moved out of violated constraints, that of the least energy first;
     those that do not become clear are left out.
     """
-    paths = _pushed_out(space, paths, metric.matrix(own[len(own) // 2]))
-    free = [(_energy(metric, q), q) for q in paths[space.is_clear(paths)]]
+    definition = space.definition
+    tensor = definition.metric.matrix(definition.size * own[len(own) // 2])
+    paths = _pushed_out(space, paths, tensor / np.trace(tensor))
+    free = [(_energy(definition, q), q) for q in paths[space.is_clear(paths)]]
     finite = [each for each in free if np.isfinite(each[0])]
     return [q for _, q in sorted(finite, key=lambda each: each[0])]
 
@@ -459,7 +500,7 @@ def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
         if not len(rest):
             break
         smooth = np.linalg.solve(matrices[violated], right[violated])
-        paths[rest] = np.clip(smooth, space.bounds.lower[1], space.bounds.upper[1])
+        paths[rest] = np.clip(smooth, space.lower[1], space.upper[1])
     return paths
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
@@ -52,6 +52,8 @@ class _SolutionRecord:
     nodes: Array
     stats: Stats
     nlp: _IterateRecord
+    size: float  # of the problem, and scales of the rows of its conditions
+    scales: dict[str, Array]
     models: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
@@ -174,7 +176,7 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
             f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
             f"with {saved:.9g}; pass the problem that was solved"
         )
-    largest = solution.violations[0].amount if solution.violations else 0.0
+    largest = solution.violations[0].relative if solution.violations else 0.0
     saved = solution.stats.max_path_violation
     if not (
         abs(largest - saved) <= _SAME_VIOLATION * max(1.0, abs(saved))
@@ -189,7 +191,9 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
 def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
     saved, definition, grid = record.nlp, problem.definition(), record.grid
     path = Path(problem.metric, grid, record.nodes)
-    all_conditions, n = definition.conditions, problem.metric.dim
+    all_conditions = definition.conditions.with_scales(record.scales, record.size)
+    definition = replace(definition, conditions=all_conditions, size=record.size)
+    n = problem.metric.dim
     if saved.conditions is not None:
         every = dict.fromkeys(saved.conditions, [True] * CELLS)
         kept = every if isinstance(saved.conditions, list) else saved.conditions

@@ -31,7 +31,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.motion_kernels import SegmentBasis
 from geodesic_ocp.model.primitives import Obstacle
-from geodesic_ocp.ocp.conditions import Condition, stacked
+from geodesic_ocp.ocp.conditions import Condition, excess_over_bounds, stacked
 from geodesic_ocp.ocp.motion_program import (
     bisected,
     instants,
@@ -355,7 +355,7 @@ class _Parsed:
         for condition in self.along:
             function = ca.Function("g", [self.state, self.time], [condition.expression])
             found = function(states.T, t[None, :]).full().T
-            excess = _excess(condition, found).max(axis=1)
+            excess = excess_over_bounds(condition, found.T).max(axis=0, initial=0.0)
             worst = max(worst, (float(excess.max()), condition.name))
             where.append(t[excess > _VIOLATION])
         ends = motion.knots[[0, -1]].reshape(1, -1)
@@ -369,7 +369,8 @@ class _Parsed:
         for symbols, conditions, values in groups:
             for condition in conditions:
                 found = ca.Function("g", [symbols], [condition.expression])(values.T).full().T
-                worst = max(worst, (float(_excess(condition, found).max()), condition.name))
+                amount = float(excess_over_bounds(condition, found.T).max(initial=0.0))
+                worst = max(worst, (amount, condition.name))
         return worst, np.unique(np.concatenate(where))
 
 
@@ -404,12 +405,6 @@ def _varying(conditions: Sequence[Condition], symbols: Sequence[ca.SX]) -> Itera
             rows = each.expression[np.flatnonzero(varies).tolist()]
             bounds = each.lower[varies], each.upper[varies]
             yield Condition(each.name, rows, *bounds, None)
-
-
-def _excess(condition: Condition, found: Array) -> Array:
-    """Return by how much values (k, m) violate their bounds; infinite where they are NaN."""
-    excess = np.maximum(np.maximum(condition.lower - found, found - condition.upper), 0.0)
-    return np.where(np.isnan(excess), np.inf, excess)
 
 
 def _bounds(conditions: Sequence[Condition], count: int) -> tuple[Array, Array]:

@@ -34,6 +34,7 @@ class ProblemDefinition(ShortRepr):
         via_parameters: s of each via point; None if they are free.
         key: equal for problems that share one NLP; None if the NLP is not shared.
         grid: to solve on unless another is requested.
+        size: size of the problem in its coordinates, see `scales`.
     """
 
     metric: Metric = field(compare=False)
@@ -42,6 +43,7 @@ class ProblemDefinition(ShortRepr):
     via_parameters: tuple[float, ...] | None = field(compare=False)
     key: Hashable
     grid: Grid = field(compare=False)
+    size: float = field(default=1.0, compare=False)
     _shown = ("metric", "grid")
 
     def restricted(self, kept: Mapping[str, NDArray[np.bool_]]) -> ProblemDefinition:
@@ -98,7 +100,7 @@ class NLP(ShortRepr):
         definition: definition of the problem.
         transcription: functions of x and p: energy and cost with their derivatives, constraints.
         grid: grid of the nodes.
-        bounds: on the positions and the constraint functions.
+        bounds: on the positions and the constraint functions, which are in units of their scales.
         units: units of x and of the energy.
         nodes: positions (size, n) of the initial guess.
     """
@@ -119,7 +121,8 @@ class NLP(ShortRepr):
     @property
     def p(self) -> Array:
         """Parameters of the NLP."""
-        return self.units.parameters(self.grid, self.conditions.p_values)
+        values = self.conditions.p_values
+        return self.transcription.parameters(self.units, self.grid, values, self.bounds.scales_g)
 
     @property
     def values(self) -> dict[str, Array]:
@@ -148,7 +151,7 @@ class NLP(ShortRepr):
 
     @property
     def violation(self) -> float:
-        """Largest violation of any condition at the nodes of the initial guess."""
+        """Largest violation of any condition, in its scale, at the nodes of the initial guess."""
         _, g = evaluate(self.transcription.value, self.units.scaled(self.nodes).ravel(), self.p)
         return self.bounds.worst(self.nodes, g[:, 0])[0]
 
@@ -220,7 +223,7 @@ def _check_fixed_ends(conditions: Conditions, metric: Metric, bounds: NodeBounds
     for s, (word, end) in enumerate(zip(("start", "end"), bounds.ends, strict=True)):
         if not np.any(np.isnan(end)):
             found = violations_at(conditions, metric, end, float(s))
-            if violated := [str(each) for each in found if each.amount > NEGLIGIBLE]:
+            if violated := [str(each) for each in found if each.relative > NEGLIGIBLE]:
                 raise ValueError(f"the given {word} violates a constraint: {'; '.join(violated)}")
 
 
@@ -267,15 +270,15 @@ def initial_nodes(
 def _units(
     definition: ProblemDefinition, transcription: Transcription, grid: Grid, nodes: Array
 ) -> Units:
-    """Return extent and energy of the guess, or one and the mean of G's diagonal if it does not
-    move.
+    """Return extent and energy of the guess, or those of a motion by the problem's size if it does
+    not move.
     """
     metric = definition.metric
     extent = float(np.ptp(nodes, axis=0).max())
-    size = float(np.trace(metric.matrix(nodes[0]))) / metric.dim
+    inertia = float(np.trace(metric.matrix(nodes[0]))) / metric.dim
     energy = abs(transcription.energy(grid, nodes, definition.conditions.p_values))
-    if not np.isfinite(energy) or not np.isfinite(size) or size <= 0.0:
+    if not np.isfinite(energy) or not np.isfinite(inertia) or inertia <= 0.0:
         raise ValueError("the metric is not finite and positive along the guess")
     if extent <= 0.0 or energy <= 0.0:
-        return Units(nodes[0], 1.0, size)
+        return Units(nodes[0], definition.size, definition.size**2 * inertia)
     return Units(nodes[0], extent, energy)

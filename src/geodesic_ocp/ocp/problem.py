@@ -20,6 +20,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.conditions import Condition, Conditions
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
+from geodesic_ocp.ocp.scales import measured
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -404,7 +405,9 @@ class Problem(ABC):
         """
         definition = self.definition()
         start = guess if guess is None or isinstance(guess, Path) else guess.path
-        return build_nlp(definition, definition.grid if grid is None else grid, start)
+        grid = definition.grid if grid is None else grid
+        definition = measured(definition, start or definition.initial_path(grid, None))
+        return build_nlp(definition, grid, start)
 
     @property
     def structure(self) -> Hashable | None:

@@ -39,7 +39,7 @@ class MeshIteration:
         segments: segments of its grid.
         iterations, seconds: iterations and seconds of Ipopt.
         objective: the value reached.
-        max_path_violation: largest violation of any condition anywhere on the path.
+        max_path_violation: largest violation of any condition anywhere on the path, in its scale.
     """
 
     segments: int
@@ -62,9 +62,10 @@ class Stats:
         variables, constraints: sizes of the NLP, bounds not counted.
         energy: energy of the path by the quadrature of its grid, 1/2 int |q'|_G^2 ds.
         objective: what was minimized, energy and running cost.
-        max_node_violation: largest violation of any condition at the nodes, in its unit.
+        max_node_violation: largest violation of any condition at the nodes, in its scale: how much
+            its value changes over the size of the problem (`docs/how-to/problem.md`).
         worst_constraint: name of the condition with that violation.
-        max_path_violation: largest violation anywhere on the path, between the nodes included.
+        max_path_violation: the same anywhere on the path, between the nodes included.
         mesh_history: the solves of a mesh refinement; empty if there was none.
         guess: the guess that led to the solution, if `solve` has found another than the first.
         gap: how far the objective may be above the least on this grid, as Ipopt stays off bounds.
@@ -182,7 +183,7 @@ def decoded(value: Any) -> Any:
     return {"tuple": tuple, "list": list}[name](map(decoded, entries))
 
 
-FORMAT, VERSION = "geodesic_ocp solution", 2
+FORMAT, VERSION = "geodesic_ocp solution", 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -231,8 +232,10 @@ class Solution:
         iterate, units = self.iterate, self.iterate.nlp.units
         sizes = {each.name: (self.path.grid.size, each.size) for each in self.conditions.along_q}
         others: dict[str, Array] = {name: np.zeros(size) for name, size in sizes.items()}
-        lam_x, lam_g = units.scale / units.length * iterate.lam_x, units.scale * iterate.lam_g
-        return others | iterate.nlp.bounds.multipliers(lam_x, lam_g)
+        bounds = iterate.nlp.bounds
+        lam_x = units.scale / units.length * iterate.lam_x
+        lam_g = units.scale / bounds.scales_g * iterate.lam_g
+        return others | bounds.multipliers(lam_x, lam_g)
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -253,6 +256,7 @@ class Solution:
         grid, iterate = self.path.grid, self.iterate
         arrays = {name: getattr(iterate, name) for name in ("x", "lam_x", "lam_g")}
         arrays["conditions"] = iterate.nlp.conditions.kept
+        scales = {each.name: each.scales for each in self.conditions}
         record = {
             "format": FORMAT,
             "version": VERSION,
@@ -266,6 +270,8 @@ class Solution:
             "stats": asdict(self.stats),
             "multipliers": dict(self.multipliers),
             "nlp": asdict(iterate.nlp.units) | arrays,
+            "size": iterate.nlp.definition.size,
+            "scales": scales,
         }
         plain: dict[str, Any] = as_json(record)
         return plain
@@ -299,8 +305,8 @@ class Solution:
             NotConverged: the path is no solution, or violates the problem's conditions.
         """
         allowed = max(BETWEEN_NODES, 1.1 * self.stats.max_path_violation)
-        violations = find_violations(self.problem.definition().conditions, self.path)
-        if not self.stats.success or (violations and not violations[0].amount <= allowed):
+        violations = self.violations
+        if not self.stats.success or (violations and not violations[0].relative <= allowed):
             cause = "; ".join(map(str, violations[:1])) or self.stats.status
             raise NotConverged(f"no motion along a path that is not a solution: {cause}", self)
         motion = motion_along(self.path, timing, rate)
@@ -348,7 +354,7 @@ _LISTED = 3  # violations in a message
 def describe_failure(solution: Solution) -> str:
     """Return why there is no solution, which conditions are violated, and what to try."""
     stats = solution.stats
-    large = [each for each in solution.violations if each.amount > NEGLIGIBLE][:_LISTED]
+    large = [each for each in solution.violations if each.relative > NEGLIGIBLE][:_LISTED]
     violated = f": {'; '.join(map(str, large))}" if large else ", with no condition violated"
     advice = (
         ". Are its conditions compatible? If so, try another guess (guess(s) or solve(..., "

@@ -16,8 +16,10 @@ from geodesic_ocp.ocp.callback import Callback
 from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.guesses import Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
+from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import halved, meeting_conditions, refine, resolving
+from geodesic_ocp.ocp.scales import measured
 from geodesic_ocp.ocp.solution import Solution, describe_failure, with_effort_of
 from geodesic_ocp.ocp.solver import FEASIBLE, LOOSE, MODERATE, MOST_ITERATIONS, TIGHT, Solver
 from geodesic_ocp.ocp.violations import path_samples
@@ -151,10 +153,13 @@ def solve(
     tight = LOOSE if are_many and tolerance is None else _ipopt_tolerance(tolerance)
     is_bounded = are_many and num_starts == 1
     tolerances = tight, tolerance
+    first = _first_grid(definition, grid)
     solver = Solver(problem, definition, conditions, settings, callback, *tolerances, is_bounded)
-    search = _Search(solver, grid, tolerance)
-    first, _ = search._grids(None)
     try:
+        start = definition.initial_path(first, None) if guess is None else path
+        definition = measured(definition, start)
+        solver = replace(solver, definition=definition, conditions=definition.conditions)
+        search = _Search(solver, grid, tolerance)
         if guess is not None or conditions.via:
             solution = search.finish(search.begin(guess), guess, ())
         else:
@@ -170,6 +175,16 @@ def solve(
     return solution
 
 
+def _first_grid(definition: ProblemDefinition, grid: Grid | None) -> Grid:
+    """Return the grid of the first solve from a guess of the problem's own: a given one, or one of
+    half the segments of the problem's own, if these are many and equal.
+    """
+    own = definition.grid if grid is None else grid
+    if grid is not None or own.segments < _MANY or own.ends:
+        return own
+    return Grid(own.segments // 2, own.degree)
+
+
 def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Array | None]:
     """Return a guess that is computed once on every grid, as inverse kinematics may be slow."""
     memory: dict[bytes, Array | None] = {}
@@ -183,8 +198,7 @@ def _remembered(guess: Callable[[Array], Array | None]) -> Callable[[Array], Arr
 
 
 _ATTEMPTS = 6  # guesses, if none leads to a solution
-# Violation between nodes, each in its unit, of first solutions that go around obstacles: others may
-# jump through them.
+# Violation between nodes of first solutions that go around obstacles: others may jump through them.
 _AROUND = 3e-2
 _CLOSE = 1.4  # ratio of lengths of a path and its solution, up to which that is near
 
@@ -335,9 +349,7 @@ class _Search:
         if self.grid is not None:
             return self.grid, self.grid
         own, conditions = self.solver.definition.grid, self.solver.conditions
-        half = own
-        if own.segments >= _MANY and not own.ends and not isinstance(guess, Solution):
-            half = Grid(own.segments // 2, own.degree)
+        half = own if isinstance(guess, Solution) else _first_grid(self.solver.definition, None)
         if isinstance(guess, Path) and not conditions.via:
             samples = path_samples(conditions)
             finer = resolving(own, guess, samples)

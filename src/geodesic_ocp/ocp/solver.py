@@ -16,7 +16,7 @@ from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Re
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
-from geodesic_ocp.ocp.descent import descend, is_at_edge, size_of, still_moving
+from geodesic_ocp.ocp.descent import descend, is_at_edge, still_moving
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import halved, with_optimal_via_points
@@ -60,8 +60,8 @@ _BESIDE = {**_NEAR, "mu_init": 1e-3}
 # Times as far as by a force at a free end a path may move, in the metric's softest direction; nodes
 # at which that is computed.
 _SOFT, _SAMPLES = 10.0, 8
-FEASIBLE = 1e-2  # violation at the nodes, each in its unit, of a path to stay near to
-# Among many bodies, nodes of a solution move by at most this [rad or m] from one program to the
+FEASIBLE = 1e-2  # violation at the nodes of a path to stay near to
+# Among many bodies, nodes of a solution move by at most this (sizes of the problem) from one program to the
 # next, `_GROWTH` times as far where they did, and less after a failure, from which it grows by
 # `_AGAIN`: from a small barrier, Ipopt's first steps may lead far away, and through thin bodies.
 _WITHIN, _CLOSEST, _FARTHEST, _GROWTH, _AGAIN = 0.02, 0.003, 0.1, 3.0, 1.5
@@ -82,8 +82,7 @@ _WARM_START = {
     "max_iter": 40,
 }
 
-# Where new rows or nodes are violated by more than this, each in its unit, other conditions become
-# active, which is slow from the smallest barrier.
+# Where new rows or nodes are violated by more than this, other conditions become active, which is slow from the smallest barrier.
 # Above `_NEARLY`, the multipliers of the coarser grid no longer help.
 _CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
@@ -133,7 +132,7 @@ class Solver:
         is_near = stays or isinstance(guess, Solution)
         given = guess.path if isinstance(guess, Solution) else guess
         path = self.definition.initial_path(grid, given)
-        within, share, size, growth = np.inf, MAY_CHANGE, size_of(path), _GROWTH
+        within, share, size, growth = np.inf, MAY_CHANGE, self.definition.size, _GROWTH
         if is_near:
             within, share = _WITHIN * size, _NEARBY
         first = self.definition.restricted(joined(known, may_become_active(whole, path, share)))
@@ -323,12 +322,14 @@ class Solver:
 def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
     """Return another solution's multipliers in the NLP's units; none if conditions differ."""
     old, units = before.iterate, nlp.units
-    carried = nlp.bounds.carried(old.lam_bounds, old.lam_g, old.nlp.bounds)
+    before_g = old.lam_g / old.nlp.bounds.scales_g
+    carried = nlp.bounds.carried(old.lam_bounds, before_g, old.nlp.bounds)
     if carried is None:
         return {}
     energies = old.nlp.units.scale / units.scale
     lengths = units.length / old.nlp.units.length
-    return {"lam_x0": carried[0] * energies * lengths, "lam_g0": carried[1] * energies}
+    lam_g = carried[1] * energies * nlp.bounds.scales_g
+    return {"lam_x0": carried[0] * energies * lengths, "lam_g0": lam_g}
 
 
 def _ipopt(transcription: Transcription, settings: _Settings, relay: Relay | None = None) -> Ipopt:

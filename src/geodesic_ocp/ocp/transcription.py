@@ -153,8 +153,8 @@ class PathTerms:
 class Transcription(ShortRepr):
     """The NLP in x = scaled positions at the nodes, one after the other, and p of `Units`.
 
-    It is the same on all grids that differ in the widths of their segments, which are the last
-    entries of p. Its constraint functions are those at the ends; at one via point after the other,
+    It is the same on all grids that differ in the widths of their segments, which are among the
+    entries of p, before the scales by which constraint functions are divided. Its constraint functions are those at the ends; at one via point after the other,
     then the jumps of the velocity there; in q at one node after the other; in q and v at one node
     after the other of one segment after the other (`Conditions`, in its order).
 
@@ -178,7 +178,11 @@ class Transcription(ShortRepr):
 
     @property
     def size_p(self) -> int:
-        """Number n + 2 + k + segments of parameters."""
+        """Number n + 2 + k + segments of parameters, and one for every constraint function."""
+        return self._size_numbers + self.program.size_g
+
+    @property
+    def _size_numbers(self) -> int:
         return self.dim + 2 + int(self.terms.conditions.p.numel()) + self.grid.segments
 
     @property
@@ -188,20 +192,22 @@ class Transcription(ShortRepr):
 
     @cached_property
     def program(self) -> BlockProgram:
-        """All blocks, without bounds of the constraint functions."""
-        p = ca.MX.sym("p", self.size_p)
-        return BlockProgram(self.dim * self.grid.size, list(self.blocks(p)), p)
+        """All blocks, without bounds of the constraint functions, which are divided by scales."""
+        p = ca.MX.sym("p", self._size_numbers)
+        blocks = self.blocks(p)
+        scales = ca.MX.sym("scales", sum(each.size_g for each in blocks))
+        return BlockProgram(self.dim * self.grid.size, blocks, p, scales=scales)
 
     def blocks(self, p: ca.MX | ca.DM, first: int = 0) -> list[Block]:
         """Return energy and conditions, with p in the place of the parameters.
 
         Args:
-            p: parameters, (size_p, 1).
+            p: parameters, but the scales of constraint functions.
             first: index of the first of the variables.
         """
         n, grid, terms = self.dim, self.grid, self.terms
         scale, length, origin, values, widths = ca.vertsplit(
-            p, [0, 1, 2, n + 2, self.size_p - grid.segments, self.size_p]
+            p, [0, 1, 2, n + 2, self._size_numbers - grid.segments, self._size_numbers]
         )
         at = first + np.arange(n * grid.size).reshape(grid.size, n)
         inside = at[grid.degree * np.arange(grid.segments)[:, None] + np.arange(grid.degree + 1)]
@@ -310,10 +316,23 @@ class Transcription(ShortRepr):
         """(x, p, lam_f, lam_g) -> upper triangle of the Lagrangian's Hessian."""
         return self.program.functions["hess_lag"]
 
+    def parameters(
+        self,
+        units: Units,
+        grid: Grid,
+        values: Array | tuple[()] = (),
+        scales: Array | None = None,
+    ) -> Array:
+        """Return the NLP's parameters p, with those of the problem, and scales of the constraint
+        functions; None: ones.
+        """
+        scales = np.ones(self.program.size_g) if scales is None else scales
+        return np.concatenate([units.parameters(grid, values), scales])
+
     def energy(self, grid: Grid, nodes: Array, values: Array | tuple[()] = ()) -> float:
         """Return energy and cost of the path through nodes (size, n) of a grid of this shape."""
         units = Units(nodes[0], 1.0, 1.0)
-        p = units.parameters(grid, values)
+        p = self.parameters(units, grid, values)
         return float(evaluate(self.value, units.scaled(nodes).ravel(), p)[0].item())
 
     def full_hessian(self, x: Array, p: Array, lam_g: Array) -> Array:

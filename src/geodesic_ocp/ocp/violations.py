@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.blocks import Terms
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.conditions import CELLS, Condition, Conditions, cells_at, stacked
+from geodesic_ocp.ocp.conditions import (
+    CELLS,
+    Condition,
+    Conditions,
+    cells_at,
+    excess_over_bounds,
+    stacked,
+)
 from geodesic_ocp.trajectory.path import Path
 
 _PER_NODE = 4  # samples between two nodes
@@ -23,24 +30,6 @@ MAY_CHANGE = 0.1  # of that range: bounds that are farther away are left out at 
 _ONE_SIDED = 1e-12  # in s, before interior breakpoints
 _SHARP = 1e-4  # of the range of a condition's values
 _REFINEMENTS = 2  # times that the vertices of parabolas are added to the samples
-
-
-def excess_over_bounds(bounds: Bounded, values: Array) -> Array:
-    """Get distance of values (m, k) from the bounds, positive outside; NaN counts as infinite."""
-    excess = np.maximum(bounds.lower[:, None] - values, values - bounds.upper[:, None])
-    return np.asarray(np.where(np.isnan(excess), np.inf, excess))
-
-
-class Bounded(Protocol):
-    """What has bounds (m,)."""
-
-    @property
-    def lower(self) -> Array:
-        """Lower bounds."""
-
-    @property
-    def upper(self) -> Array:
-        """Upper bounds."""
 
 
 class PathSamples:
@@ -56,9 +45,9 @@ class PathSamples:
         in_groups = (each for group in c.groups for each in group.conditions)
         self._all = (*c.bounds, *in_groups, *c.along_qv)
         self._ends = np.cumsum([condition.size for condition in self._all])[:-1]
-        self.lower, self.upper = (
-            np.concatenate([np.zeros(0), *(getattr(each, side) for each in self._all)])
-            for side in ("lower", "upper")
+        self.lower, self.upper, self.scales = (
+            np.concatenate([np.zeros(0), *(getattr(each, name) for each in self._all)])
+            for name in ("lower", "upper", "scales")
         )
         self._are_coordinates = np.arange(self.lower.size) < sum(each.size for each in c.bounds)
         self._of_last = lru_cache(maxsize=1)(self._sampled)
@@ -86,7 +75,7 @@ class PathSamples:
         """
         s, values = self._of_last(path)
         excess = excess_over_bounds(self, values)
-        near = excess > -share * np.ptp(values, axis=1, keepdims=True)
+        near = excess > -share * np.ptp(values, axis=1, keepdims=True) / self.scales[:, None]
         c, q = self._conditions, path(s)
         coordinates = [each for condition in c.bounds for each in condition.coordinates or ()]
         rows, at = np.nonzero(near[: len(coordinates)])
@@ -97,8 +86,9 @@ class PathSamples:
             parts.append((first + rows, at, group.slopes(q, c.p_values, rows, at)))
             first += group.bounds[0].size
         rows, at, slopes = (np.concatenate(each) for each in zip(*parts, strict=True))
-        is_above = values[rows, at] - self.upper[rows] >= excess[rows, at]
-        return s[at], excess[rows, at], np.where(is_above, 1.0, -1.0)[:, None] * slopes
+        is_above = (values - self.upper[:, None])[rows, at] >= (self.lower[:, None] - values)[rows, at]
+        signs = np.where(is_above, 1.0, -1.0) / self.scales[rows]
+        return s[at], excess[rows, at], signs[:, None] * slopes
 
     @cached_property
     def _in_qv(self) -> Terms:
@@ -185,7 +175,7 @@ def _corners(s: Array, excess: Array) -> Array:
     return np.asarray(at[relevant])
 
 
-# Without a tolerance, solutions violate no condition by more than this, in its unit.
+# Without a tolerance, solutions violate no condition by more than this, in its scale.
 BETWEEN_NODES = 1e-4
 NEGLIGIBLE = 1e-6  # smaller violations are ignored before a solve, and in messages
 
@@ -201,6 +191,8 @@ class Violation:
         limit: the violated bound or value.
         s: path parameter; None for a condition on both ends.
         unit: unit of the coordinate, for joint limits of a model; None for other conditions.
+        relative: distance from the limit in the scale of the condition, in which the violations of
+            several conditions are compared.
     """
 
     name: str
@@ -209,6 +201,7 @@ class Violation:
     limit: float
     s: float | None
     unit: str | None = None
+    relative: float = 0.0
 
     @property
     def amount(self) -> float:
@@ -235,7 +228,7 @@ def find_violations(conditions: Conditions, path: Path) -> tuple[Violation, ...]
     """
     samples = [*_at_ends(conditions, path), *_at_via(conditions, path), *_along(conditions, path)]
     found = [_worst(path.metric, *each, each[0] in conditions.bounds) for each in samples]
-    return tuple(sorted(filter(None, found), key=lambda one: -one.amount))
+    return tuple(sorted(filter(None, found), key=lambda one: -one.relative))
 
 
 def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) -> list[Violation]:
@@ -246,7 +239,7 @@ def violations_at(conditions: Conditions, metric: Metric, q: Array, s: float) ->
         values = np.split(group.values(q[None], conditions.p_values, {}).T, ends)
         for condition, of_one in zip(group.conditions, values, strict=True):
             found.append(_worst(metric, condition, of_one, np.array([s])))
-    return sorted(filter(None, found), key=lambda one: -one.amount)
+    return sorted(filter(None, found), key=lambda one: -one.relative)
 
 
 Kept: TypeAlias = Mapping[str, NDArray[np.bool_]]  # cells of s, by names of conditions
@@ -260,7 +253,8 @@ def may_become_active(conditions: Conditions, path: Path, share: float = MAY_CHA
     names, kept = {condition.name for condition in conditions.along_q}, {}
     for condition, values in found:
         excess = excess_over_bounds(condition, values)
-        near = np.any(excess > -share * np.ptp(values, axis=1, keepdims=True), axis=0)
+        ranges = np.ptp(values, axis=1, keepdims=True) / condition.scales[:, None]
+        near = np.any(excess > -share * ranges, axis=0)
         if condition.name in names and np.any(near):
             kept[condition.name] = _cells_about(s[near])
     return kept
@@ -368,4 +362,12 @@ def _worst(
         if is_limit:
             unit = getattr(getattr(metric, "model", None), "units", ("",) * n)[coordinate]
     where = None if s is None else float(s[min(int(column), s.size - 1)])
-    return Violation(condition.name, component, value, limit, where, unit)
+    return Violation(
+        name=condition.name,
+        component=component,
+        value=value,
+        limit=limit,
+        s=where,
+        unit=unit,
+        relative=abs(value - limit) / float(condition.scales[row]),
+    )

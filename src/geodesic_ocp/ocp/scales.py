@@ -1,0 +1,223 @@
+"""The size of a problem: one length for its coordinates, and one number for each condition.
+
+Lengths, spacings and tolerances of the search are relative to these, so that the same problem takes
+the same iterates in any unit. The scale of a condition is the change of its value over the size of
+the problem, where it holds with equality: a violation in this unit is nearly a distance, in sizes
+of the problem, from the configurations that are allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.cells import Indices
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.conditions import Condition, Conditions, stacked
+from geodesic_ocp.ocp.nlp import ProblemDefinition
+from geodesic_ocp.trajectory.path import Path
+
+_SAMPLES = 9  # along the initial path, and as many beside it
+# Newton's steps towards a bound. Each halves the distance from a double root, so that these find
+# bodies a millionth as thick as the path is long.
+_STEPS = 20
+# A tolerance must not let a path through a thin body: the scale is at most so many times the
+# deepest violation, of those at `_DEPTHS` from a bound, in sizes of the problem.
+_THIN = 10.0
+_DEPTHS = 2.0 ** np.arange(-_STEPS, 2)
+_NEAREST = 3  # samples from which the steps begin, as a function may meet its bound in many places
+_REACHED = 1e-6  # last of these steps, in sizes of the problem
+_FLAT = 1e-8  # of the usual slope: what is below is zero but for rounding
+
+
+def measured(definition: ProblemDefinition, path: Path) -> ProblemDefinition:
+    """Return the definition with its size and the scales of its conditions, from an initial path."""
+    c = definition.conditions
+    functions = _functions(c) if definition.key is None else _shared_functions(definition)
+    size = _size(definition, path, functions.at_ends)
+    s = np.linspace(0.0, 1.0, _SAMPLES)
+    states = np.hstack([path(s), path(s, 1)])
+    beside = np.random.default_rng(0).uniform(-0.5, 0.5, states.shape)
+    states = np.vstack([states, states + size * beside])
+    positions = states[:, : definition.metric.dim]
+    parts = (
+        (c.ends, functions.at_ends, _both_ends(path)),
+        (_at_via(c), functions.at_via, positions),
+        (_along(c), functions.along, states),
+    )
+    scales: dict[str, Array | float] = {}
+    for group, function, samples in parts:
+        found = _scales(group, function, samples, c.p_values, size)
+        scales |= dict(zip((each.name for each in group), found, strict=True))
+    distances = [each.name for each in c.along_q if each.instance is not None]
+    scales |= dict.fromkeys(distances, _reach(definition.metric, size))
+    return replace(definition, conditions=c.with_scales(scales, size), size=size)
+
+
+def _size(definition: ProblemDefinition, path: Path, at_ends: ca.Function) -> float:
+    """Return half the extent of a path, but one radian for a mechanism with revolute joints.
+
+    A path that does not move counts by how far the conditions at its ends are from being met.
+    """
+    model = getattr(definition.metric, "model", None)
+    if model is not None and "rad" in model.units:
+        return 1.0
+    extent = float(np.ptp(path.nodes, axis=0).max())
+    if extent == 0.0:
+        c = definition.conditions
+        values, slopes = (each.full() for each in at_ends(_both_ends(path)[0], c.p_values))
+        lacking = values[:, 0] - np.concatenate([np.zeros(0), *(each.lower for each in c.ends)])
+        step = np.linalg.lstsq(np.nan_to_num(slopes), np.nan_to_num(lacking), rcond=None)[0]
+        extent = float(np.abs(step).max(initial=0.0))
+    return extent / 2.0 if extent > 0.0 else 1.0
+
+
+def _reach(metric: Metric, size: float) -> float:
+    """Return the reach [m] of a mechanism, to which distances of its bodies are compared."""
+    reach = float(getattr(getattr(metric, "model", None), "reach", size))
+    return reach if 0.0 < reach < np.inf else size
+
+
+def _both_ends(path: Path) -> Array:
+    """Return q0, q1, v0 and v1 of a path in one row."""
+    return np.concatenate([*path([0.0, 1.0]), *path([0.0, 1.0], 1)])[None]
+
+
+def _at_via(c: Conditions) -> list[Condition]:
+    return [each for at_one in c.via for each in at_one]
+
+
+def _along(c: Conditions) -> list[Condition]:
+    """Return the conditions along the path but bounds of coordinates and distances of bodies."""
+    return [each for each in (*c.along_q, *c.along_qv) if each.instance is None]
+
+
+class _Functions(NamedTuple):
+    """Functions (z, p) -> values of conditions (m, 1), Jacobian by z.
+
+    The variables z are q0, q1, v0 and v1 at the ends, q at via points, q and v along the path.
+    """
+
+    at_ends: ca.Function
+    at_via: ca.Function
+    along: ca.Function
+
+
+def _functions(c: Conditions) -> _Functions:
+    def function(z: ca.SX, group: Sequence[Condition]) -> ca.Function:
+        values = stacked(group)
+        return ca.Function("conditions", [z, c.p], [values, ca.densify(ca.jacobian(values, z))])
+
+    return _Functions(
+        at_ends=function(ca.vertcat(c.q0, c.q1, c.v0, c.v1), c.ends),
+        at_via=function(c.q, _at_via(c)),
+        along=function(ca.vertcat(c.q, c.v), _along(c)),
+    )
+
+
+@lru_cache(maxsize=32)
+def _shared_functions(definition: ProblemDefinition) -> _Functions:
+    """Return the functions of all problems with one key, which differ in numbers alone."""
+    return _functions(definition.conditions)
+
+
+@dataclass(frozen=True)
+class _BoundedRows:
+    """All rows of some conditions, as functions of z.
+
+    Attributes:
+        function: (z, p) -> values (m, 1), Jacobian by z.
+        p: values of the parameters.
+        lower, upper: bounds (m,).
+        size: size of the problem.
+    """
+
+    function: ca.Function
+    p: Array
+    lower: Array
+    upper: Array
+    size: float
+
+    def excess(self, z: Array) -> tuple[Array, Array]:
+        """Return how far values exceed the nearer bound (k, m), and the gradients (k, m, .)."""
+        values, jacobians = self.function.map(len(z))(z.T, np.tile(self.p[:, None], len(z)))
+        values = values.full().T
+        slopes = jacobians.full().reshape(self.lower.size, len(z), -1).transpose(1, 0, 2)
+        below = self.lower - values
+        above = values - self.upper
+        is_below = np.abs(below) <= np.abs(above)
+        signs = np.where(is_below, -1.0, 1.0)
+        return np.where(is_below, below, above), signs[:, :, None] * slopes
+
+    def of_one(self, z: Array, rows: Indices) -> tuple[Array, Array]:
+        """Return the excess (k,) of one row at each z, and its gradient (k, .)."""
+        excess, slopes = self.excess(z)
+        points = np.arange(len(z))
+        return excess[points, rows], slopes[points, rows]
+
+    def at_bounds(self, z: Array, rows: Indices) -> tuple[Array, Array]:
+        """Return points (k, .) near z at which one row of each meets a bound with equality, by
+        Newton's steps, and which of them have been reached.
+        """
+        z = z.copy()
+        for _ in range(_STEPS):
+            excess, slopes = self.of_one(z, rows)
+            steps = -(excess / np.sum(slopes**2, axis=1))[:, None] * slopes
+            lengths = np.linalg.norm(steps, axis=1) / self.size
+            moves = np.isfinite(lengths) & (lengths > _REACHED)
+            if not np.any(moves):
+                break
+            z[moves] += (steps / np.maximum(lengths, 1.0)[:, None])[moves]
+        return z, lengths <= _REACHED
+
+    def depths(self, z: Array, rows: Indices) -> Array:
+        """Return the largest excess (k,) beyond points where one row of each meets a bound."""
+        _, slopes = self.of_one(z, rows)
+        outward = self.size * slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
+        beyond = z + _DEPTHS[:, None, None] * outward
+        every = beyond.reshape(-1, z.shape[1])
+        excess, _ = self.of_one(every, np.tile(rows, _DEPTHS.size))
+        return np.nan_to_num(excess).reshape(_DEPTHS.size, -1).max(axis=0)
+
+    def scales(self, samples: Array) -> Array:
+        """Return the scale of every row (m,), from samples z (k, .).
+
+        If no point is found where a row meets a bound, its scale is the least that the distance
+        from one and the change over the size of the problem amount to together at a sample.
+        """
+        excess, slopes = self.excess(samples)
+        changes = self.size * np.linalg.norm(slopes, axis=2)
+        nearest = np.argsort(np.abs(excess) / changes, axis=0)[:_NEAREST]
+        rows = np.tile(np.arange(self.lower.size), len(nearest))
+        z, reached = self.at_bounds(samples[nearest.ravel()], rows)
+        steep = self.size * np.linalg.norm(self.of_one(z, rows)[1], axis=1)
+        depths = self.depths(z, rows)
+        around = np.abs(excess) + changes
+        found = np.ones(self.lower.size)
+        for row in range(self.lower.size):
+            own = reached & (rows == row) & (steep > _FLAT * np.nanmax(changes[:, row], initial=0.0))
+            usable = around[:, row][np.isfinite(around[:, row]) & (around[:, row] > 0.0)]
+            if np.any(own):
+                found[row] = min(np.median(steep[own]), _THIN * depths[own].max())
+            elif usable.size:
+                found[row] = usable.min()
+        return found
+
+
+def _scales(
+    group: Sequence[Condition], function: ca.Function, samples: Array, p: Array, size: float
+) -> list[Array]:
+    """Return the scale (m,) of every row of each of these conditions, from samples z (k, .)."""
+    if not group:
+        return []
+    lower = np.concatenate([each.lower for each in group])
+    upper = np.concatenate([each.upper for each in group])
+    with np.errstate(all="ignore"):  # functions need not be finite everywhere
+        scales = _BoundedRows(function, p, lower, upper, size).scales(samples)
+    return np.split(scales, np.cumsum([each.size for each in group])[:-1])
