@@ -470,6 +470,7 @@ class BlockProgram:
         bounds: tuple[Array, Array],
         options: Mapping[str, Any],
         multipliers: tuple[Array, Array] | None = None,
+        p: Array | tuple[()] = (),
     ) -> Outcome:
         """Return the solution by Ipopt from x, within bounds of the variables.
 
@@ -479,12 +480,19 @@ class BlockProgram:
             options: options of Ipopt.
             multipliers: guesses of those of the bounds (size,) and of the constraint functions
                 (size_g,), for a warm start.
+            p: values of the parameters.
         """
         lower, upper = bounds
         lower_g, upper_g = self.bounds
         known = dict(zip(("lam_x0", "lam_g0"), multipliers or (), strict=False))
         return self.solver(options)(
-            x0=np.clip(x, lower, upper), lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g, **known
+            **known,
+            x0=np.clip(x, lower, upper),
+            p=np.asarray(p, dtype=float),
+            lbx=lower,
+            ubx=upper,
+            lbg=lower_g,
+            ubg=upper_g,
         )
 
     def solver(self, options: Mapping[str, Any], relay: Relay | None = None) -> Ipopt:

@@ -41,6 +41,7 @@ from geodesic_ocp.ocp.motion_program import (
     variables,
 )
 from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, check_symbols, listed, numbered
+from geodesic_ocp.ocp.scales import scales_of, size_of, with_beside
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 if TYPE_CHECKING:
@@ -50,11 +51,11 @@ _BASIS = SegmentBasis(4, 9)
 _SEGMENTS = 4  # of the first program, at least
 _ROUNDS, _BISECTIONS = 12, 5
 _SAMPLES = 12  # of a segment, at which constraints are examined
-_VIOLATION = 1e-4  # of a constraint between the points, in its unit
+_VIOLATION = 1e-4  # of a constraint between the points, in its scale
 _CHANGE = 1e-4  # of the cost from one round to the next, relative
 _CONSTANT = 1e-9  # violation by a row that no motion changes
 _ROUNDING = 1e-12  # of the unit of cost
-_TINY, _BESIDE = 1e-6, 1e-3  # displacements of variables [rad or m, per s]
+_TINY, _BESIDE = 1e-6, 1e-3  # displacements of variables, in their units
 _TINY_OF_RATES = 1e-9  # jerk is larger by a power of the time of a segment
 _IPOPT = {"tol": 1e-9, "max_iter": 500}
 _NEAR = {"mu_init": 1e-6, "bound_push": 1e-6, "bound_frac": 1e-6}
@@ -136,7 +137,7 @@ class MotionSolution(TimedMotion, ShortRepr):
         success: whether the motion is stationary, and all conditions hold.
         status: how the solver stopped, a sentence.
         cost: int cost dt.
-        violation: largest violation of a condition, in its unit, and the condition's name.
+        violation: largest violation of a condition, in its scale, and the condition's name.
         costs: of the rounds of the refinement.
         seconds, iterations: of Ipopt, in all rounds.
     """
@@ -206,6 +207,7 @@ class _Parsed:
     along: tuple[Condition, ...]
     via_times: Array
     via: tuple[tuple[Condition, ...], ...]
+    size: float = 1.0  # of the problem in its coordinates, see `scales`
 
     @classmethod
     def of(cls, problem: MotionProblem) -> _Parsed:
@@ -294,6 +296,44 @@ class _Parsed:
         knots = np.hstack([curve(times), curve(times, 1)])
         return _Motion(times, knots, np.zeros((len(times) - 1, _BASIS.bubbles, n)), np.zeros(0))
 
+    def measured(self, guess: _Motion) -> _Parsed:
+        """Return the problem with its size and the scales of its conditions, from a first guess."""
+        n, T = self.metric.dim, self.duration
+        q, v = guess.knots[:, :n], guess.knots[:, n:]
+        size = size_of(self.metric, q) or 1.0
+        curve = CubicHermiteSpline(guess.times, q, v)
+        accelerations = curve(guess.times, 2)
+        at_ends = np.hstack([q[0], v[0], q[-1], v[-1]])[None]
+        units = self._units(size, 3)
+        states = with_beside(np.hstack([q, v, accelerations]), units)
+        times = np.tile(guess.times, 2)[:, None]
+
+        def scaled(
+            group: Sequence[Condition], z: ca.SX, samples: Array, units: Array
+        ) -> tuple[Condition, ...]:
+            values = stacked(group)
+            slopes = ca.densify(ca.jacobian(values, z))
+            function = ca.Function("conditions", [z, ca.SX(0, 1)], [values, slopes])
+            scales = scales_of(group, function, samples, units, np.zeros(0))
+            return tuple(replace(each, scale=scales[each.name]) for each in group)
+
+        in_time = np.append(units, 0.0)  # instants are held
+        state = ca.vertcat(self.state, self.time)
+        both = np.tile(self._units(size, 2), 2)
+        knots = states[:, : 2 * n]
+        return replace(
+            self,
+            size=size,
+            ends=scaled(self.ends, self.at_ends, at_ends, both),
+            along=scaled(self.along, state, np.hstack([states, times]), in_time),
+            via=tuple(scaled(each, self.state[: 2 * n], knots, both[: 2 * n]) for each in self.via),
+        )
+
+    def _units(self, size: float, orders: int) -> Array:
+        """Return units of positions and so many of their derivatives, (orders n,)."""
+        each = size / self.duration ** np.arange(orders)
+        return np.repeat(each, self.metric.dim)
+
     @cached_property
     def has_rate(self) -> bool:
         """Whether the running cost depends on the jerk, so that accelerations are continuous."""
@@ -305,8 +345,18 @@ class _Parsed:
         state = ca.vertcat(self.state, self.jerk) if self.has_rate else self.state
         return Terms(state, self.time, self.cost)
 
+    def reduced(self, motion: _Motion) -> Array:
+        """Return a motion as variables of the program, in units of the size and the duration."""
+        knots = motion.knots / self._units(self.size, 2)
+        return variables(knots, motion.coefficients / self.size)
+
+    def knots_of(self, x: Array) -> tuple[Array, Array]:
+        """Return knots and coefficients from variables of the program."""
+        knots, coefficients = knots_of(x, _BASIS, self.metric.dim)
+        return knots * self._units(self.size, 2), coefficients * self.size
+
     def program(self, times: Array, more: Array) -> BlockProgram:
-        """Return the program of motions with knots at these times.
+        """Return the program of motions with knots at these times; its parameter is a unit of cost.
 
         Its constraints hold at some instants of every segment, and at more of them.
         """
@@ -315,24 +365,30 @@ class _Parsed:
         at = instants(times, s)
         size = (len(durations) * (2 + _BASIS.bubbles) + 2) * n
         orders = range(self.running.size // n)
-        cells = state_cells(_BASIS, times, n, s, orders)
-        each = np.outer(durations, weights).ravel()
-        blocks = [Block(self.running, cells, at[:, None], weights=each)]
+        reduced = times / self.duration
+        cells = state_cells(_BASIS, reduced, n, s, orders)
+        unit_of_cost = ca.MX.sym("unit")
+        in_time = ca.DM(np.outer(durations, weights).ravel()) / unit_of_cost
+        units = self._in_units(at.size, len(orders))
+        blocks = [Block(self.running, cells, at[:, None], weights=in_time, units=units)]
         if self.has_rate and len(durations) > 1:
             after, before = (
-                state_matrix(_BASIS, times, n, times[1:-1], [2], before=each)
+                state_matrix(_BASIS, reduced, n, reduced[1:-1], [2], before=each)
                 for each in (False, True)
             )
-            # In [rad or m], as the variables are: accelerations are larger the finer the grid.
-            scale = np.repeat(np.minimum(durations[1:], durations[:-1]) ** 2, n)[:, None]
+            # As small as the variables are: accelerations are larger the finer the grid.
+            widths = np.diff(reduced)
+            scale = np.repeat(np.minimum(widths[1:], widths[:-1]) ** 2, n)[:, None]
             jump = Terms(self.jerk, None, 0.0, self.jerk)  # of q'', by any n symbols
             zeros = np.zeros((len(durations) - 1, n))
             blocks.append(Block(jump, (after - before).multiply(scale), None, zeros, zeros))
         if self.along:
             at = np.unique(np.concatenate([at, times, more]))
-            terms = Terms(self.state, self.time, 0.0, stacked(self.along))
-            places = state_matrix(_BASIS, times, n, at)
-            blocks.append(Block(terms, places, at[:, None], *_bounds(self.along, at.size)))
+            terms = Terms(self.state, self.time, 0.0, _in_scales(self.along))
+            places = state_matrix(_BASIS, reduced, n, at / self.duration)
+            lower, upper = _bounds(self.along, at.size)
+            units = self._in_units(at.size, 3)
+            blocks.append(Block(terms, places, at[:, None], lower, upper, units=units))
         knots = [0, *(int(np.argmin(np.abs(times - at))) for at in self.via_times), len(durations)]
         first = (2 + _BASIS.bubbles) * n * np.array(knots)
         places = first[:, None] + np.arange(2 * n)
@@ -341,9 +397,17 @@ class _Parsed:
         at_knots += [(self.state[: 2 * n], each, place[None, :]) for each, place in inner]
         for symbols, conditions, place in at_knots:
             if conditions:
-                terms = Terms(symbols, None, 0.0, stacked(conditions))
-                blocks.append(Block(terms, place, None, *_bounds(conditions, 1)))
-        return BlockProgram(size, blocks)
+                terms = Terms(symbols, None, 0.0, _in_scales(conditions))
+                lower, upper = _bounds(conditions, 1)
+                units = np.tile(self._units(self.size, 2), terms.size // (2 * n))[None]
+                in_units = np.zeros_like(units), units
+                blocks.append(Block(terms, place, None, lower, upper, units=in_units))
+        return BlockProgram(size, blocks, unit_of_cost)
+
+    def _in_units(self, count: int, orders: int) -> tuple[Array, Array]:
+        """Return offset and scale of the states at so many instants."""
+        units = np.tile(self._units(self.size, orders), (count, 1))
+        return np.zeros_like(units), units
 
     def violations(self, motion: MotionSolution) -> tuple[tuple[float, str], Array]:
         """Return the largest violation between the instants of the program, with its condition,
@@ -407,8 +471,14 @@ def _varying(conditions: Sequence[Condition], symbols: Sequence[ca.SX]) -> Itera
             yield Condition(each.name, rows, *bounds, None)
 
 
+def _in_scales(conditions: Sequence[Condition]) -> ca.SX:
+    scales = np.concatenate([each.scales for each in conditions])
+    return stacked(conditions) / ca.DM(scales)
+
+
 def _bounds(conditions: Sequence[Condition], count: int) -> tuple[Array, Array]:
-    lower, upper = ([getattr(c, side) for c in conditions] for side in ("lower", "upper"))
+    """Return bounds in the scales of conditions, (count, rows)."""
+    lower, upper = ([getattr(c, side) / c.scale for c in conditions] for side in ("lower", "upper"))
     return np.tile(np.concatenate(lower), (count, 1)), np.tile(np.concatenate(upper), (count, 1))
 
 
@@ -431,7 +501,7 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
     """Return the motion of least cost, a local solution.
 
     The number of segments is doubled until the cost changes by less than 1e-4, relative, at most
-    five times; the constraints hold between the points of the program to 1e-4, each in its unit.
+    five times; the constraints hold between the points of the program to 1e-4, each in its scale.
 
     Args:
         problem: an instance of a subclass of MotionProblem.
@@ -443,29 +513,31 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
         NotConverged: Ipopt found no solution, or a constraint is violated between the points.
     """
     parsed = _Parsed.of(problem)
+    first = parsed.first_guess()
+    parsed = parsed.measured(first)
     costs: list[float] = []
     seconds, iterations, unit = 0.0, 0, 1.0
 
     def solved(start: _Motion) -> tuple[MotionSolution, Array]:
         nonlocal seconds, iterations, unit
-        x = variables(start.knots, start.coefficients)
+        x = parsed.reduced(start)
         program = parsed.program(start.times, start.more)
         free = np.full(x.size, np.inf)
         unit = unit_of(program, x)
-        options = {**_IPOPT, "obj_scaling_factor": 1.0 / unit}
-        outcome = program.solve(x, (-free, free), options | (_NEAR if costs else {}))
+        options = _IPOPT | (_NEAR if costs else {})
+        outcome = program.solve(x, (-free, free), options, p=np.array([unit]))
         if outcome.success and outcome.may_be_saddle:  # as from a symmetric guess
             beside = outcome.x + _BESIDE * np.random.default_rng(0).normal(size=x.size)
-            other = program.solve(beside, (-free, free), options)
+            other = program.solve(beside, (-free, free), _IPOPT, p=np.array([unit]))
             if other.success and other.objective < outcome.objective:
                 outcome = other
-        costs.append(outcome.objective)
+        costs.append(unit * outcome.objective)
         seconds, iterations = seconds + outcome.seconds, iterations + outcome.iterations
         motion = MotionSolution(
-            *(problem, start.times, *knots_of(outcome.x, _BASIS, parsed.metric.dim)),
+            *(problem, start.times, *parsed.knots_of(outcome.x)),
             success=outcome.success,
             status=outcome.status,
-            cost=outcome.objective,
+            cost=costs[-1],
             violation=(0.0, ""),
             costs=tuple(costs),
             seconds=seconds,
@@ -480,7 +552,7 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
         """
         tiny = _TINY_OF_RATES if parsed.has_rate else _TINY
         beside = x + tiny * np.random.default_rng(0).normal(size=x.size)
-        values = [abs(float(program.functions["nlp"](each, [])[0])) for each in (x, beside)]
+        values = [abs(float(program.functions["nlp"](each, 1.0)[0])) for each in (x, beside)]
         return max(values) if 0.0 < max(values) < np.inf else 1.0
 
     def examined(
@@ -507,7 +579,7 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
             following = bisected(_BASIS, *following)
         return (motion, more), _Motion(*following, np.union1d(more, where))
 
-    found, _ = in_rounds(parsed.first_guess(), solved, examined, _ROUNDS)
+    found, _ = in_rounds(first, solved, examined, _ROUNDS)
     if throw and not found.success:
         amount, name = found.violation
         is_new = amount > _VIOLATION and name not in found.status

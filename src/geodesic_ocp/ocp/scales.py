@@ -39,43 +39,45 @@ _FLAT = 1e-8  # of the usual slope: what is below is zero but for rounding
 def measured(definition: ProblemDefinition, path: Path) -> ProblemDefinition:
     """Return the definition with its size and the scales of its conditions, from an initial path."""
     c = definition.conditions
+    n = definition.metric.dim
     functions = _functions(c) if definition.key is None else _shared_functions(definition)
-    size = _size(definition, path, functions.at_ends)
+    size = size_of(definition.metric, path.nodes) or _size_of_step(c, path, functions.at_ends)
     s = np.linspace(0.0, 1.0, _SAMPLES)
-    states = np.hstack([path(s), path(s, 1)])
-    beside = np.random.default_rng(0).uniform(-0.5, 0.5, states.shape)
-    states = np.vstack([states, states + size * beside])
-    positions = states[:, : definition.metric.dim]
-    parts = (
-        (c.ends, functions.at_ends, _both_ends(path)),
-        (_at_via(c), functions.at_via, positions),
-        (_along(c), functions.along, states),
-    )
-    scales: dict[str, Array | float] = {}
-    for group, function, samples in parts:
-        found = _scales(group, function, samples, c.p_values, size)
-        scales |= dict(zip((each.name for each in group), found, strict=True))
+    units = np.full(2 * n, size)
+    states = with_beside(np.hstack([path(s), path(s, 1)]), units)
+    at_via = [each for at_one in c.via for each in at_one]
+    scales = {
+        **scales_of(c.ends, functions.at_ends, _both_ends(path), np.full(4 * n, size), c.p_values),
+        **scales_of(at_via, functions.at_via, states[:, :n], units[:n], c.p_values),
+        **scales_of(_along(c), functions.along, states, units, c.p_values),
+    }
     distances = [each.name for each in c.along_q if each.instance is not None]
-    scales |= dict.fromkeys(distances, _reach(definition.metric, size))
-    return replace(definition, conditions=c.with_scales(scales, size), size=size)
+    in_space = dict.fromkeys(distances, _reach(definition.metric, size))
+    return replace(definition, conditions=c.with_scales(scales | in_space, size), size=size)
 
 
-def _size(definition: ProblemDefinition, path: Path, at_ends: ca.Function) -> float:
-    """Return half the extent of a path, but one radian for a mechanism with revolute joints.
-
-    A path that does not move counts by how far the conditions at its ends are from being met.
+def size_of(metric: Metric, q: Array) -> float:
+    """Return the size of a problem: half the extent of an initial path through q (k, n), but one
+    radian for a mechanism with revolute joints; zero if the path does not move.
     """
-    model = getattr(definition.metric, "model", None)
+    model = getattr(metric, "model", None)
     if model is not None and "rad" in model.units:
         return 1.0
-    extent = float(np.ptp(path.nodes, axis=0).max())
-    if extent == 0.0:
-        c = definition.conditions
-        values, slopes = (each.full() for each in at_ends(_both_ends(path)[0], c.p_values))
-        lacking = values[:, 0] - np.concatenate([np.zeros(0), *(each.lower for each in c.ends)])
-        step = np.linalg.lstsq(np.nan_to_num(slopes), np.nan_to_num(lacking), rcond=None)[0]
-        extent = float(np.abs(step).max(initial=0.0))
-    return extent / 2.0 if extent > 0.0 else 1.0
+    return float(np.ptp(q, axis=0).max()) / 2.0
+
+
+def _size_of_step(c: Conditions, path: Path, at_ends: ca.Function) -> float:
+    """Return half the extent of a step that meets the conditions at the ends, if linear; or one."""
+    values, slopes = (each.full() for each in at_ends(_both_ends(path)[0], c.p_values))
+    lacking = values[:, 0] - np.concatenate([np.zeros(0), *(each.lower for each in c.ends)])
+    step = np.linalg.lstsq(np.nan_to_num(slopes), np.nan_to_num(lacking), rcond=None)[0]
+    return float(np.abs(step).max(initial=0.0)) / 2.0 or 1.0
+
+
+def with_beside(samples: Array, units: Array) -> Array:
+    """Return samples (k, .) and as many at random beside them, within half a unit."""
+    beside = np.random.default_rng(0).uniform(-0.5, 0.5, samples.shape)
+    return np.vstack([samples, samples + units * beside])
 
 
 def _reach(metric: Metric, size: float) -> float:
@@ -87,10 +89,6 @@ def _reach(metric: Metric, size: float) -> float:
 def _both_ends(path: Path) -> Array:
     """Return q0, q1, v0 and v1 of a path in one row."""
     return np.concatenate([*path([0.0, 1.0]), *path([0.0, 1.0], 1)])[None]
-
-
-def _at_via(c: Conditions) -> list[Condition]:
-    return [each for at_one in c.via for each in at_one]
 
 
 def _along(c: Conditions) -> list[Condition]:
@@ -116,7 +114,7 @@ def _functions(c: Conditions) -> _Functions:
 
     return _Functions(
         at_ends=function(ca.vertcat(c.q0, c.q1, c.v0, c.v1), c.ends),
-        at_via=function(c.q, _at_via(c)),
+        at_via=function(c.q, [each for at_one in c.via for each in at_one]),
         along=function(ca.vertcat(c.q, c.v), _along(c)),
     )
 
@@ -135,17 +133,19 @@ class _BoundedRows:
         function: (z, p) -> values (m, 1), Jacobian by z.
         p: values of the parameters.
         lower, upper: bounds (m,).
-        size: size of the problem.
+        units: how far each variable of z moves in a problem of this size; zero for one that is held.
     """
 
     function: ca.Function
     p: Array
     lower: Array
     upper: Array
-    size: float
+    units: Array
 
     def excess(self, z: Array) -> tuple[Array, Array]:
-        """Return how far values exceed the nearer bound (k, m), and the gradients (k, m, .)."""
+        """Return how far values exceed the nearer bound (k, m), and the gradients (k, m, .) by z in
+        its units.
+        """
         values, jacobians = self.function.map(len(z))(z.T, np.tile(self.p[:, None], len(z)))
         values = values.full().T
         slopes = jacobians.full().reshape(self.lower.size, len(z), -1).transpose(1, 0, 2)
@@ -153,7 +153,7 @@ class _BoundedRows:
         above = values - self.upper
         is_below = np.abs(below) <= np.abs(above)
         signs = np.where(is_below, -1.0, 1.0)
-        return np.where(is_below, below, above), signs[:, :, None] * slopes
+        return np.where(is_below, below, above), signs[:, :, None] * slopes * self.units
 
     def of_one(self, z: Array, rows: Indices) -> tuple[Array, Array]:
         """Return the excess (k,) of one row at each z, and its gradient (k, .)."""
@@ -169,17 +169,17 @@ class _BoundedRows:
         for _ in range(_STEPS):
             excess, slopes = self.of_one(z, rows)
             steps = -(excess / np.sum(slopes**2, axis=1))[:, None] * slopes
-            lengths = np.linalg.norm(steps, axis=1) / self.size
+            lengths = np.linalg.norm(steps, axis=1)
             moves = np.isfinite(lengths) & (lengths > _REACHED)
             if not np.any(moves):
                 break
-            z[moves] += (steps / np.maximum(lengths, 1.0)[:, None])[moves]
+            z[moves] += self.units * (steps / np.maximum(lengths, 1.0)[:, None])[moves]
         return z, lengths <= _REACHED
 
     def depths(self, z: Array, rows: Indices) -> Array:
         """Return the largest excess (k,) beyond points where one row of each meets a bound."""
         _, slopes = self.of_one(z, rows)
-        outward = self.size * slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
+        outward = self.units * slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
         beyond = z + _DEPTHS[:, None, None] * outward
         every = beyond.reshape(-1, z.shape[1])
         excess, _ = self.of_one(every, np.tile(rows, _DEPTHS.size))
@@ -192,16 +192,17 @@ class _BoundedRows:
         from one and the change over the size of the problem amount to together at a sample.
         """
         excess, slopes = self.excess(samples)
-        changes = self.size * np.linalg.norm(slopes, axis=2)
+        changes = np.linalg.norm(slopes, axis=2)
         nearest = np.argsort(np.abs(excess) / changes, axis=0)[:_NEAREST]
         rows = np.tile(np.arange(self.lower.size), len(nearest))
         z, reached = self.at_bounds(samples[nearest.ravel()], rows)
-        steep = self.size * np.linalg.norm(self.of_one(z, rows)[1], axis=1)
+        steep = np.linalg.norm(self.of_one(z, rows)[1], axis=1)
         depths = self.depths(z, rows)
         around = np.abs(excess) + changes
         found = np.ones(self.lower.size)
         for row in range(self.lower.size):
-            own = reached & (rows == row) & (steep > _FLAT * np.nanmax(changes[:, row], initial=0.0))
+            usual = np.nanmax(changes[:, row], initial=0.0)
+            own = reached & (rows == row) & (steep > _FLAT * usual)
             usable = around[:, row][np.isfinite(around[:, row]) & (around[:, row] > 0.0)]
             if np.any(own):
                 found[row] = min(np.median(steep[own]), _THIN * depths[own].max())
@@ -210,14 +211,23 @@ class _BoundedRows:
         return found
 
 
-def _scales(
-    group: Sequence[Condition], function: ca.Function, samples: Array, p: Array, size: float
-) -> list[Array]:
-    """Return the scale (m,) of every row of each of these conditions, from samples z (k, .)."""
+def scales_of(
+    group: Sequence[Condition], function: ca.Function, samples: Array, units: Array, p: Array
+) -> dict[str, Array]:
+    """Return the scales (m,) of the rows of each of these conditions, by name.
+
+    Args:
+        group: the conditions.
+        function: (z, p) -> all their values, Jacobian by z.
+        samples: z (k, .) on an initial path or motion, and beside it.
+        units: how far the variables of z move in a problem of this size, zero where they are held.
+        p: values of the parameters.
+    """
     if not group:
-        return []
+        return {}
     lower = np.concatenate([each.lower for each in group])
     upper = np.concatenate([each.upper for each in group])
     with np.errstate(all="ignore"):  # functions need not be finite everywhere
-        scales = _BoundedRows(function, p, lower, upper, size).scales(samples)
-    return np.split(scales, np.cumsum([each.size for each in group])[:-1])
+        scales = _BoundedRows(function, p, lower, upper, units).scales(samples)
+    parts = np.split(scales, np.cumsum([each.size for each in group])[:-1])
+    return dict(zip((each.name for each in group), parts, strict=True))
