@@ -18,9 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exp import exp
+from geodesic_ocp.ocp.displacements import decreases_nearby, fine_objective
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problems import geodesic_definition
 from geodesic_ocp.ocp.transcription import Units
+from geodesic_ocp.ocp.violations import NEGLIGIBLE, path_samples
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -57,6 +59,11 @@ class FinalIterate:
         """Return gradient of the objective."""
         _, gradient = self.nlp.transcription.objective(self.x, self.nlp.p)
         return np.asarray(gradient.full()[:, 0])
+
+    @property
+    def balance(self) -> Array:
+        """Gradient of the Lagrangian, the sum of all forces."""
+        return self.gradient() + self.lam_x + self.constraints[1].T @ self.lam_g
 
     def hessian(self) -> Array:
         """Return Hessian of the Lagrangian."""
@@ -117,9 +124,7 @@ def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
 
     The derivatives are those by the inner nodes.
     """
-    n, grid = path.metric.dim, path.grid
-    if grid.size * n > _MOST_VARIABLES and grid.segments > _COARSER.segments:
-        grid = _COARSER
+    n, grid = path.metric.dim, _usable(path)
     nodes = path.nodes if grid is path.grid and end == 1.0 else path(end * grid.nodes)
     # Not a problem with these ends, at which there may be no metric: the NLP is the same for all.
     transcription = geodesic_definition(path.metric).transcription(grid)
@@ -131,6 +136,53 @@ def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
     _, gradient = transcription.objective(x, p)
     hessian = transcription.full_hessian(x, p, np.zeros(0))
     return gradient.full()[n:-n, 0], hessian[n:-n, n:-n]
+
+
+def _usable(path: Path) -> Grid:
+    """Return the grid of a path, or a coarser one if that has very many nodes."""
+    is_long = path.grid.size * path.metric.dim > _MOST_VARIABLES
+    return _COARSER if is_long and path.grid.segments > _COARSER.segments else path.grid
+
+
+def _geodesic_decreases_nearby(path: Path, gradient: Array, hessian: Array) -> bool:
+    """Return whether the energy decreases at small displacements of the inner nodes."""
+    grid, n = _usable(path), path.metric.dim
+    nodes = path(grid.nodes)
+    extent = float(np.ptp(nodes, axis=0).max())
+    energy = fine_objective(Path(path.metric, grid, nodes))
+    if not len(hessian) or extent == 0.0 or not 0.0 < energy < np.inf:
+        return False
+
+    def objective(displacement: Array) -> float:
+        moved = nodes.copy()
+        moved[1:-1] += extent * displacement.reshape(-1, n)
+        return fine_objective(Path(path.metric, grid, moved)) / energy
+
+    every = np.eye(len(hessian))
+    return decreases_nearby(objective, gradient, hessian, every, grid.nodes[1:-1])
+
+
+def _iterate_decreases_nearby(iterate: FinalIterate, hessian: Array, basis: Array) -> bool:
+    """Return whether the Lagrangian decreases at small displacements that conditions allow."""
+    nlp = iterate.nlp
+    conditions = nlp.conditions
+    samples = path_samples(conditions)
+    allowed = max(NEGLIGIBLE, float(samples.excess(iterate.path, roughly=True)[1].max()))
+    active_g = _active(iterate)[1]
+
+    def objective(displacement: Array) -> float:
+        x = iterate.x + displacement
+        path = nlp.path(x)
+        g = evaluate(nlp.transcription.constraints, x, nlp.p)[0][:, 0]
+        inactive = np.maximum(nlp.bounds.lower_g - g, g - nlp.bounds.upper_g)[~active_g]
+        if np.any(inactive > allowed):
+            return np.nan
+        return fine_objective(path, conditions) / nlp.units.scale + float(iterate.lam_g @ g)
+
+    if not len(hessian):
+        return False
+    gradient = basis.T @ iterate.balance
+    return decreases_nearby(objective, gradient, hessian, basis, nlp.grid.nodes)
 
 
 def first_conjugate_point(path: Path) -> float:
@@ -196,6 +248,8 @@ class Certificate:
             between fixed ends: up to there it is locally minimizing. None: there is none inside.
         has_active_constraints: whether conditions along the path are active, so that the path is
             not a geodesic.
+        decreases_nearby: whether the energy decreases at a small displacement although it should
+            increase by its second derivatives, as cost, conditions or metric are not smooth there.
         has_running_cost: whether the problem's own cost is minimized together with the energy;
             `stationary` and `morse_index` then refer to their sum.
         switching_points: s, to the distance of two nodes, at which conditions along the path become
@@ -213,14 +267,16 @@ class Certificate:
     has_active_constraints: bool = False
     has_running_cost: bool = False
     switching_points: tuple[float, ...] = ()
+    decreases_nearby: bool = False
 
     @property
     def locally_shortest(self) -> bool:
         """True if the path is locally minimizing among the paths that meet its conditions.
 
-        To second order, and for the sum of energy and cost if there is a running cost.
+        To second order, at small displacements that were tried, and for the sum of energy and cost
+        if there is a running cost.
         """
-        return self.stationary and self.morse_index == 0
+        return self.stationary and self.morse_index == 0 and not self.decreases_nearby
 
     def __str__(self) -> str:
         if not self.stationary:
@@ -229,6 +285,9 @@ class Certificate:
             verdict = "locally minimizing"
             verdict += " energy and cost" if self.has_running_cost else ""
             verdict += " under its constraints" if self.has_active_constraints else ""
+        elif self.decreases_nearby:
+            what = "energy and cost decrease" if self.has_running_cost else "the energy decreases"
+            verdict = f"not locally minimizing: {what} nearby, against what the derivatives tell"
         else:
             what = "energy and cost" if self.has_running_cost else "length"
             verdict = (
@@ -267,14 +326,17 @@ def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
         raise ValueError(f"path must be a Path, got {path!r}")
     start = path(0.0, 1) if velocity is None else as_vector("velocity", velocity, path.metric.dim)
     drift = _energy_drift(path)
-    stationary, index = stationarity_and_index(*energy_derivatives(path))
+    gradient, hessian = energy_derivatives(path)
+    stationary, index = stationarity_and_index(gradient, hessian)
     stationary = stationary and drift <= _DRIFT
+    may_be_least = stationary and index == 0
     return Certificate(
         endpoint_error=_endpoint_error(path, start),
         drift=drift,
         stationary=stationary,
         morse_index=index if stationary else None,
         first_conjugate_point=first_conjugate_point(path) if stationary and index else None,
+        decreases_nearby=may_be_least and _geodesic_decreases_nearby(path, gradient, hessian),
     )
 
 
@@ -304,7 +366,7 @@ def certify_iterate(iterate: FinalIterate, success: bool) -> Certificate:
     is_constrained = bool(np.any(along) or np.any(active_x[n:-n]))
     if not has_cost and not is_constrained and drift > _DRIFT:
         return Certificate(error, drift, False, None)
-    reduced, _ = _reduced_hessian(iterate)
+    reduced, basis = _reduced_hessian(iterate)
     _, index = stationarity_and_index(np.zeros(len(reduced)), reduced)
     along_x = active_x.reshape(-1, n).copy()
     along_x[[0, -1]] = along_x[[1, -2]]  # what fixes the ends does not act along the path
@@ -316,6 +378,7 @@ def certify_iterate(iterate: FinalIterate, success: bool) -> Certificate:
         has_active_constraints=is_constrained,
         has_running_cost=has_cost,
         switching_points=nlp.bounds.switching_points(path.grid, along_x.ravel(), active_g),
+        decreases_nearby=index == 0 and _iterate_decreases_nearby(iterate, reduced, basis),
     )
 
 
@@ -356,10 +419,9 @@ def _reduced_hessian(iterate: FinalIterate) -> tuple[Array, Array]:
 def _is_first_order(iterate: FinalIterate) -> bool:
     """Return whether forces balance, and multipliers have the signs of their bounds."""
     (g, jacobian), bounds = iterate.constraints, iterate.nlp.bounds
-    balance = iterate.gradient() + iterate.lam_x + jacobian.T @ iterate.lam_g
     length, q = iterate.nlp.units.length, iterate.path.nodes
     sizes = np.maximum(np.linalg.norm(jacobian, axis=1), _SMALLEST)
-    wrong = [np.abs(balance)]
+    wrong = [np.abs(iterate.balance)]
     for force, scale, value, lower, upper in (
         (iterate.lam_x, 1.0 / length, q.ravel(), bounds.lower.ravel(), bounds.upper.ravel()),
         (iterate.lam_g * sizes, 1.0 / sizes, g, bounds.lower_g, bounds.upper_g),

@@ -125,11 +125,16 @@ class Path:
 
     def speeds_at(self, quadrature: Quadrature) -> Array:
         """Return speeds |q'|_G (segments, m) at the points of a quadrature of the grid."""
+        speeds = speeds_at(self.metric, *self.states_at(quadrature))
+        return speeds.reshape(quadrature.weights.shape)
+
+    def states_at(self, quadrature: Quadrature) -> tuple[Array, Array]:
+        """Return q and q' (segments * m, n) at the points of a quadrature of the grid."""
         n = self.metric.dim
         nodes = self.grid.in_segments(self.nodes)
         positions = (quadrature.values @ nodes).reshape(-1, n)
         slopes = (quadrature.slopes @ (nodes - nodes[:, :1])).reshape(-1, n)
-        return speeds_at(self.metric, positions, slopes).reshape(quadrature.weights.shape)
+        return positions, slopes
 
     @property
     def discrete_energy(self) -> float:
