@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from difflib import get_close_matches
+from io import StringIO
 from typing import Any
 
 import casadi as ca
@@ -120,6 +124,42 @@ class Relay(ca.Callback):
         return [int(self.stopped)]
 
 
+def _wrong_option(options: Mapping[str, Any]) -> str | None:
+    """Return which option Ipopt does not take, and what it would take; None if it takes all."""
+    for name, value in options.items():
+        try:
+            _printed({name: value})
+        except RuntimeError:
+            known = _known_options()
+            if name in known:
+                return f"{name} must be {known[name]}, got {value!r}"
+            near = get_close_matches(name, known, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            return f"Ipopt has no option {name!r}{hint}"
+    return None
+
+
+def _known_options() -> dict[str, str]:
+    """Return the options of this Ipopt with what they take, from its own documentation."""
+    text = _printed({"print_options_documentation": "yes", "print_advanced_options": "yes"})
+    found = {}
+    for entry in re.split(r"\n(?=\w)", text):
+        if heading := re.match(r"(\w+) +(.*\(.*\).*)", entry):
+            words = re.findall(r"^ {4}- ([\w-]+)", entry, re.MULTILINE)
+            numbers = re.sub(r"\( *(.*?) *\)", r"(default \1)", " ".join(heading[2].split()))
+            found[heading[1]] = f"one of {', '.join(words)}" if words else numbers
+    return found
+
+
+def _printed(options: Mapping[str, Any]) -> str:
+    """Return what Ipopt prints for the program min x^2; RuntimeError if it refuses an option."""
+    x = ca.SX.sym("x")
+    settings = {"print_time": False, "ipopt": {"sb": "yes", "max_iter": 0, **options}}
+    with redirect_stdout(StringIO()) as output:
+        ca.nlpsol("options", "ipopt", {"x": x, "f": x**2}, settings)(x0=1.0)
+    return output.getvalue()
+
+
 @dataclass(frozen=True, eq=False)
 class Ipopt:
     """A nonlinear program with Ipopt, to be called with numerical arguments.
@@ -158,10 +198,10 @@ class Ipopt:
         try:
             solver = ca.nlpsol("nlp", "ipopt", self.nlp, options)
         except RuntimeError as error:
-            if not self.options:
+            wrong = _wrong_option(self.options)
+            if wrong is None:
                 raise
-            reason = str(error).strip().splitlines()[-1]
-            raise ValueError(f"Ipopt does not take ipopt={self.options}: {reason}") from error
+            raise ValueError(f"ipopt: {wrong}") from error
         usual = {
             name: np.full(solver.numel_in(k), solver.default_in(k))
             for k, name in enumerate(solver.name_in())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
@@ -13,17 +13,16 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.ocp.certificate import FinalIterate
-from geodesic_ocp.ocp.conditions import CELLS, NodeBounds
-from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import (
     FORMAT,
     VERSION,
     Solution,
+    SolutionNumbers,
     Stats,
     decoded,
     described_model,
+    restored,
 )
 from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.records import SENSELESS, convert, decoding, read_record
@@ -42,8 +41,7 @@ class _IterateRecord:
     x: Array
     lam_x: Array
     lam_g: Array
-    # Those in q along the path, with their cells of s; None: all
-    conditions: dict[str, list[bool]] | list[str] | None = None
+    conditions: dict[str, list[bool]]  # those in q along the path, with their cells of s
 
 
 @dataclass(eq=False)
@@ -189,28 +187,19 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
 
 
 def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
-    saved, definition, grid = record.nlp, problem.definition(), record.grid
-    path = Path(problem.metric, grid, record.nodes)
-    all_conditions = definition.conditions.with_scales(record.scales, record.size)
-    definition = replace(definition, conditions=all_conditions, size=record.size)
-    n = problem.metric.dim
-    if saved.conditions is not None:
-        every = dict.fromkeys(saved.conditions, [True] * CELLS)
-        kept = every if isinstance(saved.conditions, list) else saved.conditions
-        definition = definition.restricted({name: np.array(kept[name], bool) for name in kept})
-    conditions = definition.conditions
-    if len(grid.via_segments) != len(conditions.via):
-        raise ValueError(
-            f"the path has {len(grid.via_segments)} via points, not {len(conditions.via)}"
-        )
-    bounds = NodeBounds.on_grid(conditions, grid, problem.metric.joint_names)
-    sizes = {"x": path.nodes.size, "lam_x": path.nodes.size, "lam_g": bounds.lower_g.size}
-    for name, size in sizes.items():
-        if getattr(saved, name).shape != (size,):
-            raise ValueError(f"nlp.{name} must be {size} numbers")
+    saved, n = record.nlp, problem.metric.dim
     if saved.origin.shape != (n,) or not (saved.length > 0.0 and saved.scale > 0.0):
         raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
-    units = Units(saved.origin, saved.length, saved.scale)
-    nlp = NLP(definition, definition.transcription(grid), grid, bounds, units, path.nodes)
-    iterate = FinalIterate(nlp, saved.x, saved.lam_x, saved.lam_g)
-    return Solution(problem, all_conditions, path, record.stats, iterate)
+    numbers = SolutionNumbers(
+        grid=record.grid,
+        nodes=record.nodes,
+        stats=record.stats,
+        size=record.size,
+        scales=record.scales,
+        kept={name: np.array(cells, bool) for name, cells in saved.conditions.items()},
+        units=Units(saved.origin, saved.length, saved.scale),
+        x=saved.x,
+        lam_bounds=saved.lam_x,
+        lam_g=saved.lam_g,
+    )
+    return restored(problem, numbers)

@@ -10,6 +10,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.path_figure import draw_path
@@ -20,9 +21,12 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace
 from geodesic_ocp.ocp.certificate import Certificate, FinalIterate, certify_iterate
 from geodesic_ocp.ocp.conditions import Conditions
+from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
+from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
 from geodesic_ocp.records import as_json, write_record
+from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw, motion_along
@@ -204,6 +208,26 @@ class Solution:
     stats: Stats
     iterate: FinalIterate
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle problem and numbers: CasADi's expressions are built again from the problem."""
+        return restored, (self.problem, self._numbers)
+
+    @property
+    def _numbers(self) -> SolutionNumbers:
+        iterate = self.iterate
+        return SolutionNumbers(
+            grid=self.path.grid,
+            nodes=self.path.nodes,
+            stats=self.stats,
+            size=iterate.nlp.definition.size,
+            scales={each.name: each.scales for each in self.conditions},
+            kept=iterate.nlp.conditions.kept,
+            units=iterate.nlp.units,
+            x=iterate.x,
+            lam_bounds=iterate.lam_bounds,
+            lam_g=iterate.lam_g,
+        )
+
     def __repr__(self) -> str:
         stats, kind = self.stats, type(self.problem).__name__
         if not stats.success:
@@ -253,10 +277,9 @@ class Solution:
         The problem is recorded by the name of its class and by those fields that are numbers,
         strings, obstacles, or lists and arrays of them.
         """
-        grid, iterate = self.path.grid, self.iterate
-        arrays = {name: getattr(iterate, name) for name in ("x", "lam_x", "lam_g")}
-        arrays["conditions"] = iterate.nlp.conditions.kept
-        scales = {each.name: each.scales for each in self.conditions}
+        numbers = self._numbers
+        arrays = {name: getattr(self.iterate, name) for name in ("x", "lam_x", "lam_g")}
+        arrays["conditions"] = numbers.kept
         record = {
             "format": FORMAT,
             "version": VERSION,
@@ -264,14 +287,14 @@ class Solution:
             "module": type(self.problem).__module__,
             **encoded_fields(self.problem),
             "joint_names": self.path.metric.joint_names,
-            "grid": asdict(grid),
-            "s": grid.nodes,
+            "grid": asdict(numbers.grid),
+            "s": numbers.grid.nodes,
             "nodes": self.path.nodes,
             "stats": asdict(self.stats),
             "multipliers": dict(self.multipliers),
-            "nlp": asdict(iterate.nlp.units) | arrays,
-            "size": iterate.nlp.definition.size,
-            "scales": scales,
+            "nlp": asdict(numbers.units) | arrays,
+            "size": numbers.size,
+            "scales": numbers.scales,
         }
         plain: dict[str, Any] = as_json(record)
         return plain
@@ -339,6 +362,64 @@ class Solution:
             obstacles=drawn_obstacles(self.problem),
             links=getattr(self.problem, "links", None),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SolutionNumbers:
+    """A solution but for its problem.
+
+    Attributes:
+        grid: grid of the path.
+        nodes: positions (size, n) at its nodes.
+        stats: statistics of the solve.
+        size: size of the problem in its coordinates.
+        scales: scales (m,) of its conditions, by name.
+        kept: cells of s in which conditions in q were part of the program, by name.
+        units: units of the program.
+        x, lam_bounds, lam_g: see `FinalIterate`.
+    """
+
+    grid: Grid
+    nodes: Array
+    stats: Stats
+    size: float
+    scales: Mapping[str, Array]
+    kept: Mapping[str, NDArray[np.bool_]]
+    units: Units
+    x: Array
+    lam_bounds: Array
+    lam_g: Array
+
+
+def restored(problem: Problem, numbers: SolutionNumbers) -> Solution:
+    """Return a solution of a problem from its numbers; ValueError if shapes do not fit."""
+    definition, grid = problem.definition(), numbers.grid
+    conditions = definition.conditions.with_scales(numbers.scales, numbers.size)
+    path = Path(problem.metric, grid, numbers.nodes)
+    definition = replace(definition, conditions=conditions, size=numbers.size)
+    definition = definition.restricted(numbers.kept)
+    if len(grid.via_segments) != len(conditions.via):
+        raise ValueError(
+            f"the path has {len(grid.via_segments)} via points, not {len(conditions.via)}"
+        )
+    nlp = NLP(
+        definition=definition,
+        transcription=definition.transcription(grid),
+        grid=grid,
+        bounds=definition.bounds(grid),
+        units=numbers.units,
+        nodes=path.nodes,
+    )
+    iterate = FinalIterate(nlp, numbers.x, numbers.lam_bounds, numbers.lam_g)
+    sizes = {
+        "x": path.nodes.size,
+        "lam_bounds": path.nodes.size,
+        "lam_g": nlp.bounds.lower_g.size,
+    }
+    for name, size in sizes.items():
+        if getattr(iterate, name).shape != (size,):
+            raise ValueError(f"nlp.{name} must be {size} numbers")
+    return Solution(problem, conditions, path, numbers.stats, iterate)
 
 
 def with_effort_of(before: Stats, solution: Solution) -> Solution:
