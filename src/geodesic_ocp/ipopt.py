@@ -27,6 +27,12 @@ _IPOPT = {
     # Multipliers of fixed variables would take another gradient in each iteration: they are zero.
     "fixed_variable_treatment": "make_parameter_nodual",
 }
+# Ends of a solve that the user's own options set.
+LIMITS = {
+    "max_iter": "Ipopt reached its iteration limit (ipopt={'max_iter': ...})",
+    "max_cpu_time": "Ipopt reached its limit of processor time",
+    "max_wall_time": "Ipopt reached its limit of wall time",
+}
 NO_VALUE = "not finite, or not differentiable"
 STOPPED = "the callback stopped Ipopt"
 NOT_FINITE = "the metric or a condition is not finite along the path"
@@ -34,8 +40,9 @@ _SENTENCES = {
     "Solve_Succeeded": "Ipopt found a local solution",
     "Solved_To_Acceptable_Level": "Ipopt could not reach its tolerance, only its acceptable level",
     "Infeasible_Problem_Detected": "the conditions cannot be met near the initial guess",
-    "Maximum_Iterations_Exceeded": "Ipopt reached its iteration limit (ipopt={'max_iter': ...})",
-    "Maximum_CpuTime_Exceeded": "Ipopt reached its time limit",
+    "Maximum_Iterations_Exceeded": LIMITS["max_iter"],
+    "Maximum_CpuTime_Exceeded": LIMITS["max_cpu_time"],
+    "Maximum_WallTime_Exceeded": LIMITS["max_wall_time"],
     "Restoration_Failed": "Ipopt's restoration phase failed to meet the conditions",
     "Invalid_Number_Detected": NOT_FINITE,
     "Search_Direction_Becomes_Too_Small": "Ipopt's steps became too small",

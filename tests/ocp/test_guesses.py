@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -158,8 +159,16 @@ def test_what_was_tried_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(
         go.NotConverged, match=r"tried: .*planner that found no path in 50"
     ) as error:
-        go.solve(closed, ipopt={"max_iter": 20})
+        go.solve(closed)
     assert not error.value.solution.stats.success  # type: ignore[attr-defined]
+
+
+def test_a_limit_of_the_user_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither a planner nor another solve follows, and the status says so."""
+    monkeypatch.setattr(guesses, "connect", None)
+    found = go.solve(AmongDiscs(), throw=False, ipopt={"max_iter": 3})
+    assert re.search(r"limit \(ipopt=.*, which ended the search", found.stats.status)
+    assert found.stats.iterations == 3
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -49,6 +49,7 @@ _SAME = 0.1  # paths nearer than this everywhere lead to the same solution
 _LITTLE_MORE = 1.25  # times the energy of the problem's own guess, that another one may have
 # The planner.
 _SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 300
+_STALE = 3  # paths like others in a row, after which no new one is expected
 _AMONG_MANY = 3  # times as many samples among many bodies, where the straight line leads nowhere
 _REACH = 1.5  # longest line towards a sample
 _NEARBY = 0.2  # of the range of a constraint's values: nearer ones count
@@ -386,6 +387,7 @@ class Guesses:
                 if _is_new(q, seen):
                     self.tried.append(f"random detour {number + 1}")
                     yield self.tried[-1], self._through(q)
+        stale = 0
         samples = _SAMPLES * (_AMONG_MANY if self.definition.conditions.are_many else 1)
         for number in range(_PLANS):
             waypoints = connect(space, starts, goals, box, rng, samples)
@@ -395,9 +397,14 @@ class Guesses:
             waypoints = shortcut(space, waypoints, rng)
             if np.isfinite(_energy(self.definition, waypoints)):
                 path = self._through(waypoints)
+                stale += 1
                 if _is_new(self._sampled(path), seen):
+                    stale = 0
                     self.tried.append(f"planner {number + 1}")
                     yield self.tried[-1], path
+            if stale == _STALE:
+                self.tried.append(f"a sampling planner whose last {stale} paths were like others")
+                return
 
 
 def _box(space: FreeSpace, own: Array) -> tuple[Array, Array]:

@@ -67,8 +67,8 @@ def solve(
     If the problem gives several guesses, the better of two solutions is kept. Where the first one,
     by default the straight line, violates path constraints in q, a detour around them comes before
     it, or, if none is clear, a path of a sampling planner; guesses that lead to no solution are
-    followed by others, up to 2000 iterations of Ipopt, or 3000 in all among many bodies. The same
-    call always gives the same solution; `stats.guess` names the guess that led to it.
+    followed by others, up to 2000 iterations of Ipopt, or 3000 in all among many bodies, or up to
+    a limit in `ipopt`, such as `max_iter`, that one of them reaches. The same call always gives the same solution; `stats.guess` names the guess that led to it.
 
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
@@ -221,7 +221,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
         waiting.remove(one)
         solution = _named(search.finish(first, path, found), first.stats.guess)
         (found if solution.stats.success else failed).append(solution)
-        return solution.stats.status == STOPPED or len(found) >= num_starts or is_spent()
+        return search.solver.was_ended(solution) or len(found) >= num_starts or is_spent()
 
     def is_spent() -> bool:
         return num_starts == 1 and sum(search.solver.spent) > MOST_ITERATIONS
@@ -244,7 +244,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
                 is_clear = not name and len(waiting) + len(failed) == 1 and not guesses.second
                 wanted = num_starts if several else 1 if is_clear else enough
                 tried = len(waiting) + len(failed) + len(found)
-                if first.stats.status == STOPPED:
+                if search.solver.was_ended(first):
                     failed.append(first)
                     return True
                 if len(around()) >= wanted or tried >= max(num_starts, _ATTEMPTS) or is_spent():
@@ -256,15 +256,20 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
         return any(map(finish, around())) or any(map(finish, list(waiting)))
 
     over()
-    if failed and failed[-1].stats.status == STOPPED:
+    is_ended = bool(failed) and search.solver.was_ended(failed[-1])
+    if is_ended and failed[-1].stats.status == STOPPED:
         return failed[-1]
-    if found:
+    if found and not is_ended:
         return min(found, key=lambda each: each.stats.objective)
-    last = min(failed, key=lambda each: each.stats.guess != "")
-    if len(guesses.tried) < 2:
-        return last
-    status = f"{last.stats.status} (tried: {', '.join(guesses.tried)})"
-    return replace(last, stats=replace(last.stats, status=status))
+    last = failed[-1] if is_ended else min(failed, key=lambda each: each.stats.guess != "")
+    if is_ended:
+        end = ", which ended the search"
+    elif is_spent():
+        end = f", and {MOST_ITERATIONS} iterations in all ended the search"
+    else:
+        end = ""
+    tried = f" (tried: {', '.join(guesses.tried)})" if len(guesses.tried) > 1 else ""
+    return replace(last, stats=replace(last.stats, status=f"{last.stats.status}{end}{tried}"))
 
 
 def _named(solution: Solution, name: str) -> Solution:

@@ -12,7 +12,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import in_rounds
-from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
+from geodesic_ocp.ipopt import LIMITS, NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, relay_paths
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.conditions import Conditions
@@ -171,6 +171,11 @@ class Solver:
             return found, (more, path if is_held else found)
 
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
+
+    def was_ended(self, solution: Solution) -> bool:
+        """Return whether the user ended a solve, by the callback or by a limit among the options."""
+        limits = {LIMITS[name] for name in self.ipopt if name in LIMITS}
+        return solution.stats.status == STOPPED or solution.stats.status in limits
 
     def descend(self, grid: Grid, guess: Path) -> Solution | None:
         """Return the solution from a path, by short steps and then on a grid of twice as many
