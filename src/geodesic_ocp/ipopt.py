@@ -161,7 +161,10 @@ def _known_options() -> dict[str, str]:
 def _printed(options: Mapping[str, Any]) -> str:
     """Return what Ipopt prints for the program min x^2; RuntimeError if it refuses an option."""
     x = ca.SX.sym("x")
-    settings = {"print_time": False, "ipopt": {"sb": "yes", "max_iter": 0, **options}}
+    settings: dict[str, Any] = {
+        "print_time": False,
+        "ipopt": {"sb": "yes", "max_iter": 0, **options},
+    }
     with redirect_stdout(StringIO()) as output:
         ca.nlpsol("options", "ipopt", {"x": x, "f": x**2}, settings)(x0=1.0)
     return output.getvalue()

@@ -392,8 +392,8 @@ class NodeBounds(ShortRepr):
         )
 
     def worst(self, x: Array, g: Array) -> tuple[float, str]:
-        """Return largest violation at the nodes, in the scale of its condition, and the name of that;
-        NaN counts as infinite.
+        """Return the largest violation at the nodes, in the scale of its condition, and the name of
+        that condition; NaN counts as infinite.
         """
         violations = [(0.0, "")]
         for rows, source in self._all_rows(x, self.scales_g * g):

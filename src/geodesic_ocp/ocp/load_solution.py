@@ -27,7 +27,6 @@ from geodesic_ocp.ocp.solution import (
 from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.records import SENSELESS, convert, decoding, read_record
 from geodesic_ocp.trajectory.grid import Grid
-from geodesic_ocp.trajectory.path import Path
 
 _SAME_ENERGY = 1e-9  # relative
 _SAME_VIOLATION = 1e-8  # rounding may change it

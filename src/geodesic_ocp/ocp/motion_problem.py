@@ -298,7 +298,7 @@ class _Parsed:
 
     def measured(self, guess: _Motion) -> _Parsed:
         """Return the problem with its size and the scales of its conditions, from a first guess."""
-        n, T = self.metric.dim, self.duration
+        n = self.metric.dim
         q, v = guess.knots[:, :n], guess.knots[:, n:]
         size = size_of(self.metric, q) or 1.0
         curve = CubicHermiteSpline(guess.times, q, v)
@@ -399,8 +399,8 @@ class _Parsed:
             if conditions:
                 terms = Terms(symbols, None, 0.0, _in_scales(conditions))
                 lower, upper = _bounds(conditions, 1)
-                units = np.tile(self._units(self.size, 2), terms.size // (2 * n))[None]
-                in_units = np.zeros_like(units), units
+                both = np.tile(self._units(self.size, 2), terms.size // (2 * n))[None]
+                in_units = np.zeros_like(both), both
                 blocks.append(Block(terms, place, None, lower, upper, units=in_units))
         return BlockProgram(size, blocks, unit_of_cost)
 

@@ -70,7 +70,7 @@ def refine(
         solve_on: solves on a grid.
         samples: of the path constraints along a path.
         first: solution on the first grid.
-        tolerance: for violations between nodes, in the unit of the condition, and for the
+        tolerance: for violations between nodes, in the scale of the condition, and for the
             relative error of the objective. None: the conditions hold to `BETWEEN_NODES`, and the
             energy of the path is known to `_KNOWN`.
         guess: initial guess.

@@ -37,7 +37,7 @@ _FLAT = 1e-8  # of the usual slope: what is below is zero but for rounding
 
 
 def measured(definition: ProblemDefinition, path: Path) -> ProblemDefinition:
-    """Return the definition with its size and the scales of its conditions, from an initial path."""
+    """Return the definition with its size and the scales of its conditions, by an initial path."""
     c = definition.conditions
     n = definition.metric.dim
     functions = _functions(c) if definition.key is None else _shared_functions(definition)
@@ -46,14 +46,14 @@ def measured(definition: ProblemDefinition, path: Path) -> ProblemDefinition:
     units = np.full(2 * n, size)
     states = with_beside(np.hstack([path(s), path(s, 1)]), units)
     at_via = [each for at_one in c.via for each in at_one]
-    scales = {
+    scales: dict[str, Array | float] = {
         **scales_of(c.ends, functions.at_ends, _both_ends(path), np.full(4 * n, size), c.p_values),
         **scales_of(at_via, functions.at_via, states[:, :n], units[:n], c.p_values),
         **scales_of(_along(c), functions.along, states, units, c.p_values),
     }
     distances = [each.name for each in c.along_q if each.instance is not None]
-    in_space = dict.fromkeys(distances, _reach(definition.metric, size))
-    return replace(definition, conditions=c.with_scales(scales | in_space, size), size=size)
+    scales |= dict.fromkeys(distances, _reach(definition.metric, size))
+    return replace(definition, conditions=c.with_scales(scales, size), size=size)
 
 
 def size_of(metric: Metric, q: Array) -> float:
@@ -133,7 +133,7 @@ class _BoundedRows:
         function: (z, p) -> values (m, 1), Jacobian by z.
         p: values of the parameters.
         lower, upper: bounds (m,).
-        units: how far each variable of z moves in a problem of this size; zero for one that is held.
+        units: how far each variable of z moves in a problem of this size; zero if it is held.
     """
 
     function: ca.Function
@@ -183,7 +183,7 @@ class _BoundedRows:
         beyond = z + _DEPTHS[:, None, None] * outward
         every = beyond.reshape(-1, z.shape[1])
         excess, _ = self.of_one(every, np.tile(rows, _DEPTHS.size))
-        return np.nan_to_num(excess).reshape(_DEPTHS.size, -1).max(axis=0)
+        return np.asarray(np.nan_to_num(excess).reshape(_DEPTHS.size, -1).max(axis=0))
 
     def scales(self, samples: Array) -> Array:
         """Return the scale of every row (m,), from samples z (k, .).

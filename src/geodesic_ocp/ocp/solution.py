@@ -67,7 +67,7 @@ class Stats:
         energy: energy of the path by the quadrature of its grid, 1/2 int |q'|_G^2 ds.
         objective: what was minimized, energy and running cost.
         max_node_violation: largest violation of any condition at the nodes, in its scale: how much
-            its value changes over the size of the problem (`docs/how-to/problem.md`).
+            its value changes over the size of the problem (docs/how-to/problem.md).
         worst_constraint: name of the condition with that violation.
         max_path_violation: the same anywhere on the path, between the nodes included.
         mesh_history: the solves of a mesh refinement; empty if there was none.

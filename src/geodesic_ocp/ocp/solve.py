@@ -67,18 +67,20 @@ def solve(
     If the problem gives several guesses, the better of two solutions is kept. Where the first one,
     by default the straight line, violates path constraints in q, a detour around them comes before
     it, or, if none is clear, a path of a sampling planner; guesses that lead to no solution are
-    followed by others, up to 2000 iterations of Ipopt, or 3000 in all among many bodies, or up to
-    a limit in `ipopt`, such as `max_iter`, that one of them reaches. The same call always gives the same solution; `stats.guess` names the guess that led to it.
+    followed by others, up to 2000 iterations of Ipopt, or 3000 in all among many bodies, or up to a
+    limit in `ipopt`, such as `max_iter`, that one of them reaches. The same call always gives the
+    same solution; `stats.guess` names the guess that led to it.
 
     Args:
         problem: an instance of a subclass of Problem, or of MotionProblem: see
             `geodesic_ocp.ocp.motion_problem.solve_motion`.
         grid: grid of the nodes; the solution has this grid. None: the problem's own, refined where
-            conditions are violated between the nodes by more than 1e-4, each in its unit.
+            conditions are violated between the nodes by more than 1e-4, each in its scale: about
+            how much its value changes over the size of the problem (docs/how-to/problem.md).
         guess: path or solution to start from, on any grid, alone; by default the problem's guess,
             or the straight line. A solution is a warm start. From a path that meets the conditions,
             such as `Path.through(metric, waypoints)`, the search stays near it.
-        tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
+        tolerance: refine the grid until the conditions hold to this everywhere, each in its scale,
             and the relative error of the objective is estimated to be less;
             stats.mesh_history lists the solves.
         throw: raise NotConverged if there is no solution; else return the last iterate, with

@@ -61,9 +61,9 @@ _BESIDE = {**_NEAR, "mu_init": 1e-3}
 # at which that is computed.
 _SOFT, _SAMPLES = 10.0, 8
 FEASIBLE = 1e-2  # violation at the nodes of a path to stay near to
-# Among many bodies, nodes of a solution move by at most this (sizes of the problem) from one program to the
-# next, `_GROWTH` times as far where they did, and less after a failure, from which it grows by
-# `_AGAIN`: from a small barrier, Ipopt's first steps may lead far away, and through thin bodies.
+# Among many bodies, nodes of a solution move by at most this, in sizes of the problem, from one
+# program to the next, `_GROWTH` times as far where they did, and less after a failure, from which it
+# grows by `_AGAIN`: from a small barrier, Ipopt's first steps may lead far away, and through thin bodies.
 _WITHIN, _CLOSEST, _FARTHEST, _GROWTH, _AGAIN = 0.02, 0.003, 0.1, 3.0, 1.5
 _NEARBY = 0.03  # rows for such steps: bounds within this share of the range of a condition's values
 _SMALL_BARRIER = 1e-6  # from a solution on a coarser grid among many bodies
@@ -82,7 +82,8 @@ _WARM_START = {
     "max_iter": 40,
 }
 
-# Where new rows or nodes are violated by more than this, other conditions become active, which is slow from the smallest barrier.
+# Where new rows or nodes are violated by more than this, other conditions become active, which is
+# slow from the smallest barrier.
 # Above `_NEARLY`, the multipliers of the coarser grid no longer help.
 _CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
 
@@ -173,7 +174,7 @@ class Solver:
         return in_rounds((first, guess), solve, examine, _MOST_ROUNDS)
 
     def was_ended(self, solution: Solution) -> bool:
-        """Return whether the user ended a solve, by the callback or by a limit among the options."""
+        """Return whether the user ended a solve, by the callback or a limit among the options."""
         limits = {LIMITS[name] for name in self.ipopt if name in LIMITS}
         return solution.stats.status == STOPPED or solution.stats.status in limits
 

@@ -154,9 +154,10 @@ class Transcription(ShortRepr):
     """The NLP in x = scaled positions at the nodes, one after the other, and p of `Units`.
 
     It is the same on all grids that differ in the widths of their segments, which are among the
-    entries of p, before the scales by which constraint functions are divided. Its constraint functions are those at the ends; at one via point after the other,
-    then the jumps of the velocity there; in q at one node after the other; in q and v at one node
-    after the other of one segment after the other (`Conditions`, in its order).
+    entries of p, before the scales by which constraint functions are divided. Its constraint
+    functions are those at the ends; at one via point after the other, then the jumps of the
+    velocity there; in q at one node after the other; in q and v at one node after the other of one
+    segment after the other (`Conditions`, in its order).
 
     Attributes:
         terms: terms of the problem.

@@ -86,7 +86,8 @@ class PathSamples:
             parts.append((first + rows, at, group.slopes(q, c.p_values, rows, at)))
             first += group.bounds[0].size
         rows, at, slopes = (np.concatenate(each) for each in zip(*parts, strict=True))
-        is_above = (values - self.upper[:, None])[rows, at] >= (self.lower[:, None] - values)[rows, at]
+        found = values[rows, at]
+        is_above = found - self.upper[rows] >= self.lower[rows] - found
         signs = np.where(is_above, 1.0, -1.0) / self.scales[rows]
         return s[at], excess[rows, at], signs[:, None] * slopes
 
