@@ -62,8 +62,9 @@ _BESIDE = {**_NEAR, "mu_init": 1e-3}
 _SOFT, _SAMPLES = 10.0, 8
 FEASIBLE = 1e-2  # violation at the nodes of a path to stay near to
 # Among many bodies, nodes of a solution move by at most this, in sizes of the problem, from one
-# program to the next, `_GROWTH` times as far where they did, and less after a failure, from which it
-# grows by `_AGAIN`: from a small barrier, Ipopt's first steps may lead far away, and through thin bodies.
+# program to the next, `_GROWTH` times as far where they did, and less after a failure, from which
+# it grows by `_AGAIN`: from a small barrier, Ipopt's first steps may lead far away, and through
+# thin bodies.
 _WITHIN, _CLOSEST, _FARTHEST, _GROWTH, _AGAIN = 0.02, 0.003, 0.1, 3.0, 1.5
 _NEARBY = 0.03  # rows for such steps: bounds within this share of the range of a condition's values
 _SMALL_BARRIER = 1e-6  # from a solution on a coarser grid among many bodies
