@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.cells import Indices
@@ -161,9 +162,9 @@ class _BoundedRows:
         points = np.arange(len(z))
         return excess[points, rows], slopes[points, rows]
 
-    def at_bounds(self, z: Array, rows: Indices) -> tuple[Array, Array]:
+    def at_bounds(self, z: Array, rows: Indices) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return points (k, .) near z at which one row of each meets a bound with equality, by
-        Newton's steps, and which of them have been reached.
+        Newton's steps, the gradients there, and which of them have been reached.
         """
         z = z.copy()
         for _ in range(_STEPS):
@@ -174,11 +175,12 @@ class _BoundedRows:
             if not np.any(moves):
                 break
             z[moves] += self.units * (steps / np.maximum(lengths, 1.0)[:, None])[moves]
-        return z, lengths <= _REACHED
+        return z, slopes, lengths <= _REACHED
 
-    def depths(self, z: Array, rows: Indices) -> Array:
-        """Return the largest excess (k,) beyond points where one row of each meets a bound."""
-        _, slopes = self.of_one(z, rows)
+    def depths(self, z: Array, slopes: Array, rows: Indices) -> Array:
+        """Return the largest excess (k,) beyond points where one row of each meets a bound, in the
+        directions of its gradients.
+        """
         outward = self.units * slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
         beyond = z + _DEPTHS[:, None, None] * outward
         every = beyond.reshape(-1, z.shape[1])
@@ -195,9 +197,11 @@ class _BoundedRows:
         changes = np.linalg.norm(slopes, axis=2)
         nearest = np.argsort(np.abs(excess) / changes, axis=0)[:_NEAREST]
         rows = np.tile(np.arange(self.lower.size), len(nearest))
-        z, reached = self.at_bounds(samples[nearest.ravel()], rows)
-        steep = np.linalg.norm(self.of_one(z, rows)[1], axis=1)
-        depths = self.depths(z, rows)
+        z, slopes, reached = self.at_bounds(samples[nearest.ravel()], rows)
+        steep = np.linalg.norm(slopes, axis=1)
+        depths = np.full(rows.size, np.inf)
+        if np.any(between := (self.lower < self.upper)[rows]):
+            depths[between] = self.depths(z[between], slopes[between], rows[between])
         around = np.abs(excess) + changes
         found = np.ones(self.lower.size)
         for row in range(self.lower.size):
