@@ -19,7 +19,6 @@ _POINTS = 200  # of a quadrature, at least: a jump of the cost may move by that 
 _RANDOM = 16  # displacements beside those of one coordinate alone
 _INCREASE = 1e-3  # of the objective by a displacement, as the Hessian predicts, relative
 _FARTHEST = 1e-2  # displacement of a node, of the path's extent
-_FIXED = 1e-6  # norm of an arc in the directions that conditions allow, of one that is fixed
 _ROUNDING = 1e-9  # of the differences of objectives, relative
 
 
@@ -61,7 +60,7 @@ def decreases_nearby(
     arcs = np.kron(np.sin(np.pi * s)[:, None], coordinates).T @ basis @ vectors
     mixed = np.random.default_rng(0).normal(size=(_RANDOM, len(eigenvalues))) / eigenvalues
     every = np.vstack([arcs, -arcs, mixed])
-    every = every[np.linalg.norm(every, axis=1) > _FIXED]
+    every = every[np.any(every != 0.0, axis=1)]  # arcs of fixed coordinates are zero
     moves = every @ vectors.T @ basis.T
     increases = np.sum(every**2 * eigenvalues, axis=1) / 2.0
     lengths = np.minimum(np.sqrt(_INCREASE / increases), _FARTHEST / np.abs(moves).max(axis=1))

@@ -32,15 +32,15 @@ from geodesic_ocp.trajectory.path import Path
 
 _CLEAR = 1e-6  # violation that a configuration may have
 _TINY = 1e-12
-# Of a path's extent, and at least: how far samples of unbounded coordinates lie from it.
-_AROUND, _LEAST_AROUND = 1.5, 1.0
+# Of a path's extent, at least one size: how far samples of unbounded coordinates lie from it.
+_AROUND = 1.5
 _OWN = "the initial guess"
 _STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
 # Detours.
 _S = np.linspace(0.0, 1.0, 25)  # of their nodes
 _BETWEEN = 4  # checks from one node to the next
 _DETOURS, _BENDS = 2, 24  # deterministic ones that are tried, and random ones
-_OFFSET, _FARTHEST = 0.3, 1.0  # of the box, and at most: how far one leads aside
+_OFFSET = 0.3  # of the box, at most one size: how far one leads aside
 _ROUNDS, _FIRM = 8, 30.0  # of pushing and smoothing; weight of pushed against smooth
 _MARGIN = 0.1  # of the violation on the first path, by which nodes are pushed clear
 _LONGEST = 0.3  # step of a node
@@ -415,7 +415,7 @@ def _box(space: FreeSpace, own: Array) -> tuple[Array, Array]:
     periods = np.array(definition.metric.periods or np.zeros(lower.size)) / definition.size
     around = np.maximum(  # periods are infinite where there are none
         np.where(np.isfinite(periods), periods / 2.0, 0.0),
-        max(_AROUND * np.max(most - least), _LEAST_AROUND),
+        max(_AROUND * np.max(most - least), 1.0),
     )
     wide = ~np.isfinite(upper - lower)
     return (
@@ -456,7 +456,7 @@ def _beside(own: Array, box: tuple[Array, Array]) -> Array:
     coordinate, (2 n + 1, 25, n).
     """
     start, end = own[0], own[-1]
-    offsets = np.minimum(_OFFSET * (box[1] - box[0]), _FARTHEST) * np.eye(start.size)
+    offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(start.size)
     beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])
     middles = np.clip((start + end) / 2.0 + beside, *box)
     return np.array([_bent(start, middle, end) for middle in middles])

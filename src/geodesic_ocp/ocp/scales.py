@@ -34,7 +34,6 @@ _THIN = 10.0
 _DEPTHS = 2.0 ** np.arange(-_STEPS, 2)
 _NEAREST = 3  # samples from which the steps begin, as a function may meet its bound in many places
 _REACHED = 1e-6  # last of these steps, in sizes of the problem
-_FLAT = 1e-8  # of the usual slope: what is below is zero but for rounding
 
 
 def measured(definition: ProblemDefinition, path: Path) -> ProblemDefinition:
@@ -205,8 +204,7 @@ class _BoundedRows:
         around = np.abs(excess) + changes
         found = np.ones(self.lower.size)
         for row in range(self.lower.size):
-            usual = np.nanmax(changes[:, row], initial=0.0)
-            own = reached & (rows == row) & (steep > _FLAT * usual)
+            own = reached & (rows == row) & (steep > 0.0)
             usable = around[:, row][np.isfinite(around[:, row]) & (around[:, row] > 0.0)]
             if np.any(own):
                 found[row] = min(np.median(steep[own]), _THIN * depths[own].max())
