@@ -76,7 +76,7 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         frames=hand_frames(model, observed),
         ellipsoids=mobility_ellipsoids(model, observed, analysis.metric),
         clouds=_cuts(analysis),
-        note="; ".join(filter(None, (metric, note))),
+        note="; ".join(filter(None, (metric, note, motion.caveat))),
     )
     scene = overlaid(scene, model, analysis.predicted.q[shown], "predicted", "predicted")
     for name in others:
@@ -202,8 +202,8 @@ def marker_fit_playback(
     notes = (
         f"{len(fit.names)} markers, typically {1e3 * fit.typical_error:.0f} mm from their places",
         "the rest of the person was not fitted and is at rest" if rest_of_person(model) else "",
-        *(f"doubtful: {doubt}" for doubt in fit.doubts),
         note,
+        motion.caveat,
     )
     noted = "; ".join(filter(None, notes))
     scene = model_scene(model, time, q, title=title, role="predicted", note=noted)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MarkerSet
-from geodesic_ocp.recordings.markers.markers import Markers, evenly
+from geodesic_ocp.recordings.markers.markers import Markers, evenly, frozen_samples
 
 Base = Literal["fixed", "free"]
 
@@ -52,6 +52,8 @@ class ChosenMarkers:
     places: Array  # on these segments, at the height of the body's model (m, 3) [m]
     uncertainty: Array  # uncertainty of the places (m,) [m]
     left_out: tuple[str, ...]  # names of the recording that are not used
+    # share of the samples that `frozen_samples` names, by marker; missing in `observed`
+    frozen: dict[str, float]
 
 
 def choose_markers(
@@ -93,14 +95,23 @@ def choose_markers(
             "or in a file (--marker-set)"
         )
     unit = float(body.height or 0.0) if used.unit == "height" else 1.0 / height_factor
+    observed = positions.positions[:, [positions.names.index(name) for name in match]]
+    segments = [used.places[marker][0] for marker in match.values()]
+    carriers = [body.attachment(segment).joint for segment in segments]
+    standing = frozen_samples(positions.time, observed, carriers)
+    observed = np.where(standing[:, :, None], np.nan, observed)
+    shares = dict(zip(match, standing.mean(axis=0).tolist(), strict=True))
+    kept = np.flatnonzero(~np.isnan(observed).all(axis=(0, 2)))
+    markers = [list(match.values())[column] for column in kept]
     return ChosenMarkers(
-        used.name,
-        tuple(match),
-        positions.positions[:, [positions.names.index(name) for name in match]],
-        tuple(used.places[marker][0] for marker in match.values()),
-        unit * np.array([used.places[marker][1] for marker in match.values()]),
-        np.array([used.uncertainty_of(marker) for marker in match.values()]),
-        tuple(name for name in positions.names if name not in match),
+        set_name=used.name,
+        names=tuple(list(match)[column] for column in kept),
+        observed=observed[:, kept],
+        segments=tuple(segments[column] for column in kept),
+        places=unit * np.array([used.places[marker][1] for marker in markers]),
+        uncertainty=np.array([used.uncertainty_of(marker) for marker in markers]),
+        left_out=tuple(name for name in positions.names if name not in match),
+        frozen={name: share for name, share in shares.items() if share > 0.0},
     )
 
 
@@ -140,6 +151,7 @@ class KnownHeight:
     factor: float  # from the model's height to the person's
     spread: float  # standard deviation of the factor that is estimated; 0 if the factor is kept
     origin: str  # where it was taken from, in words
+    estimated: bool = False  # whether it is taken from the markers
 
 
 def known_height(
@@ -166,8 +178,10 @@ def known_height(
     if not settings.lengths:
         return KnownHeight(1.0, 0.0, "of the model")
     if settings.base == "free" and (standing := standing_height(positions)) is not None:
-        return KnownHeight(standing / body.height, 0.0, "from the markers of head and feet")
-    return KnownHeight(1.0, _HEIGHT_SPREAD, "from lengths of segments, by the model's proportions")
+        origin = "from the markers of head and feet"
+        return KnownHeight(standing / body.height, 0.0, origin, estimated=True)
+    origin = "from lengths of segments, by the model's proportions"
+    return KnownHeight(1.0, _HEIGHT_SPREAD, origin, estimated=True)
 
 
 _RIGID = 0.03  # root mean square distance of the markers of a segment from a rigid body at most [m]

@@ -27,16 +27,13 @@ from geodesic_ocp.recordings.markers.chosen_markers import (
     rigid_poses,
     without_stray,
 )
-from geodesic_ocp.recordings.markers.fit_program import ROOT, FitProblem
-from geodesic_ocp.recordings.markers.marker_fit import (
-    DOUBTFUL,
-    MarkerFit,
-    check_fit,
+from geodesic_ocp.recordings.markers.fit_program import LOST, ROOT, FitProblem, kept_weights
+from geodesic_ocp.recordings.markers.fit_uncertainty import (
     constant_errors,
     fit_noise,
-    lost_markers,
     undetermined_joints,
 )
+from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit, check_fit, lost_markers
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet, as_marker_set
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
@@ -173,15 +170,18 @@ def solve_fit(problem: FitProblem, time: Array, ipopt: dict[str, Any] | None) ->
     stages = [(rows, wide, _ROUGHLY), (rows, narrow, _ROUGHLY), (everything, narrow, _CLOSELY)]
     if rows.size == time.size:
         del stages[1]
-    program, iterations = problem.program(time[rows], observed[rows], loose), 0
+    iterations = 0
     for next_rows, outlier, tolerance in stages:
         if next_rows.size != rows.size:
-            program = problem.program(time[next_rows], observed[next_rows], loose)
             z = scipy.interpolate.make_interp_spline(time[rows], z, k=1)(time[next_rows])
             rows = next_rows
+        program = problem.program(time[rows], observed[rows], loose)
         outcome = program.solve(np.concatenate([z.ravel(), shared]), outlier, tolerance, ipopt)
         iterations += outcome.iterations
         z, shared = outcome.x[: z.size].reshape(z.shape), outcome.x[z.size :]
+        # A marker that lost its weight says nothing of the joints that carry it.
+        kept = kept_weights(problem.errors(z, shared, observed[rows]), narrow) >= LOST
+        loose = undetermined_joints(problem, z, shared, kept)
     if not outcome.success:
         raise NotConverged(f"no motion was fitted to the markers: {outcome.status}", outcome)
     return FittedVariables(problem, z, shared, loose, iterations)
@@ -327,8 +327,8 @@ def fit_markers(
         check_trunk(chosen, ask_up=up is None)
     fitted = solve_fit(FitProblem(body, chosen, known, settings), positions.time, ipopt)
     fit = _marker_fit(fitted, positions, clock.perf_counter() - begin)
-    given = height is not None or positions.subject.height is not None
-    check_fit(fit, estimated=settings.lengths and not given)
+    check_fit(fit)
+    fit = replace(fit, motion=replace(fit.motion, doubts=fit.doubts))
     if fit.doubts:
         warnings.warn(DOUBTFUL + "; ".join(fit.doubts), RuntimeWarning, stacklevel=2)
     return fit
@@ -352,7 +352,7 @@ def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> 
     model = body.scaled(lengths)
     predicted = problem.positions(fitted.z, fitted.shared)
     errors = np.linalg.norm(predicted - chosen.observed, axis=2)
-    weights = 1.0 / (1.0 + (errors / problem.settings.outlier) ** 2) ** 2
+    weights = kept_weights(errors, problem.settings.outlier)
     constant = constant_errors(problem, time, fitted.z, fitted.shared, weights)
     noise = fit_noise(
         *(problem, time, fitted.z, fitted.shared),
@@ -389,11 +389,13 @@ def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> 
         lengths=dict(named),
         height=height,
         height_from=problem.known.origin,
+        height_estimated=problem.known.estimated,
         undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
         marker_set=chosen.set_name,
         constant_errors=np.where(fitted.loose, np.nan, constant),
         noise=noise,
         left_out=chosen.left_out,
+        frozen=chosen.frozen,
         seconds=seconds,
         iterations=fitted.iterations,
     )

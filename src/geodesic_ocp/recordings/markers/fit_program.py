@@ -48,6 +48,22 @@ _ROUNDING = 1e-14
 _BARRIER, _COMPLEMENTARITY = 1e-2, 1e-2
 
 
+LOST = 0.25  # weight below which a marker counts as lost: it is farther away than `outlier`
+
+
+def kept_weights(errors: Array, outlier: float) -> Array:
+    """Return the weights of markers (k, m), from 1 to 0, at distances from their fitted places.
+
+    It is the derivative of the loss by half the squared distance. NaN remains NaN.
+
+    Args:
+        errors: (k, m) [m], NaN where missing.
+        outlier: distance at which a marker keeps a quarter of its weight [m].
+    """
+    weights: Array = 1.0 / (1.0 + (errors / outlier) ** 2) ** 2
+    return weights
+
+
 @dataclass(frozen=True, eq=False)
 class FitProgram:
     """The program for the observations of some frames.
@@ -198,6 +214,10 @@ class FitProblem:
         at = ca.Function("positions", symbols, [ca.cse(ca.densify(ca.vec(points)))]).map(len(z))
         stacked = at(z.T, np.repeat(shared[:, None], len(z), axis=1)).full()
         return np.asarray(stacked.T.reshape(len(z), -1, 3))
+
+    def errors(self, z: Array, shared: Array, observed: Array) -> Array:
+        """Return distances (k, m) [m] of observed positions (k, m, 3) [m] from the fitted ones."""
+        return np.asarray(np.linalg.norm(self.positions(z, shared) - observed, axis=2))
 
     @cached_property
     def _loss(self) -> Terms:

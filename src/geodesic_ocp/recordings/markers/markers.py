@@ -152,3 +152,42 @@ def check_plausible_size(markers: Markers) -> None:
         raise ValueError(f"the markers of a sample are {size:.4g} m apart{_IN_MM}")
     if len(markers.names) >= 3 and widest < _NARROWEST:
         raise ValueError(f"all markers of a sample are within {widest:.3g} m{_IN_M}")
+
+
+# A marker is frozen if it repeats a position so long while its distances from its neighbours change
+# so much: the bounds by which trajectory/outliers.py calls the angle of a joint frozen.
+_STANDING, _CHANGED = 0.1, 0.05  # [s], [m]
+
+
+def frozen_samples(time: Array, observed: Array, carriers: Sequence[int]) -> NDArray[np.bool_]:
+    """Return in which samples markers (k, m) repeat a position although what carries them moves.
+
+    Some programs fill a gap with the last position. No measurement repeats all three coordinates
+    for long; positions of a simulated body at rest do, but then its other markers rest, too. If a
+    segment other than the root has no other marker, the nearest one stands for them.
+
+    Args:
+        time: (k,) [s].
+        observed: positions (k, m, 3) [m], NaN where missing.
+        carriers: numbers of the joints that carry the markers (m,); those of the root are not
+            positive.
+    """
+    joints = np.maximum(carriers, 0)
+    frozen = np.zeros(observed.shape[:2], dtype=bool)
+    repeats = np.all(np.diff(observed, axis=0) == 0.0, axis=2)
+    for marker, joint in enumerate(joints):
+        edges = np.flatnonzero(np.diff(np.pad(repeats[:, marker].astype(int), 1)))
+        for first, last in edges.reshape(-1, 2):
+            if time[last] - time[first] < _STANDING:
+                continue
+            span = observed[first : last + 1]
+            away = np.linalg.norm(span - span[:, marker, None], axis=2)
+            seen = ~np.isnan(away).any(axis=0)
+            seen[marker] = False
+            mates = seen & (joints == joint)
+            if joint > 0 and seen.any() and not mates.any():
+                mates[np.argmin(np.where(seen, away[0], np.inf))] = True
+            changes = np.ptp(away[:, mates], axis=0)
+            if changes.size and changes.min() > _CHANGED:
+                frozen[first : last + 1, marker] = True
+    return frozen
