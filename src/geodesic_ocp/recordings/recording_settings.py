@@ -1,6 +1,6 @@
 """RecordingSettings: the person in a recording, and what its file leaves open."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ class RecordingSettings:
             as in --up=-y.
         marker_set: file that says where the markers are (.json, .toml); default: the known set that
             fits.
+        person: person in a file with the markers of several, by the prefix of their labels, as in
+            Ann:RSHO; default: the first.
         amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
         columns: file (.csv) that says which columns of a table are which joints; its columns are
             ours, theirs, sign, unit and offset.
@@ -43,6 +45,7 @@ class RecordingSettings:
     skeleton: str | None = None
     up: Axis | None = None
     marker_set: str | None = None
+    person: str | None = None
     amc_rate: float | None = None
     columns: str | None = None
     fill: float | None = None
@@ -70,5 +73,6 @@ class RecordingSettings:
 
     def reading(self) -> dict[str, Any]:
         """Return the arguments of `read_recording` about the format of the file."""
-        names = ("convention", "unit", "skeleton", "up", "marker_set", "columns", "fill", "part")
+        others = ("height", "mass", "amc_rate")
+        names = (each.name for each in fields(RecordingSettings) if each.name not in others)
         return {name: getattr(self, name) for name in names} | {"rate": self.amc_rate}

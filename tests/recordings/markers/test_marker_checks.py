@@ -177,6 +177,18 @@ def test_markers_that_the_fit_rejects_determine_nothing(walker: Markers) -> None
 
 
 @pytest.mark.slow
+def test_the_markers_of_another_person_are_not_fitted(walker: Markers) -> None:
+    """Not even if they are the only ones of the hand."""
+    names = [f"Bob:{n}" if n in ("RHTS", "RHPS", "RIFD") else f"Ann:{n}" for n in walker.names]
+    both = replace(walker, names=tuple(names))
+    with pytest.warns(RuntimeWarning, match=r"Ann is taken, not Bob|RWx_joint, RWy_joint") as told:
+        fit = fit_markers(go.human_arm("right", HEIGHT), both, estimate=())
+    assert len(told) == 2
+    assert len(fit.names) == len(names) - 3
+    assert fit.motion.subject.name == "Ann"
+
+
+@pytest.mark.slow
 def test_doubts_of_size_and_distance(walker: Markers) -> None:
     """A height that no adult has, if it is estimated, and markers that are far away on average."""
     tall = replace(walker, positions=2.1 / HEIGHT * walker.positions)

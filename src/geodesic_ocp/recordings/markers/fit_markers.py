@@ -36,6 +36,7 @@ from geodesic_ocp.recordings.markers.fit_uncertainty import (
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit, check_fit, lost_markers
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet, as_marker_set
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
+from geodesic_ocp.recordings.markers.people import of_person
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 _STARTS, _STEPS = 40, 60
@@ -265,7 +266,8 @@ def fit_markers(
     Args:
         model: `human_arm`, `human_upper_body`, or any model with points on its frames.
         positions: positions of markers or joints, in a space with z up (see `up`), or for
-            base="fixed" in the axes and from the origin of the model's base.
+            base="fixed" in the axes and from the origin of the model's base; of several people
+            (names with prefixes, as in "Ann:RSHO"), those of the first are taken.
         marker_set: where the markers are, or a JSON or TOML file with the attributes of a
             `MarkerSet`; None: of the Master Motor Map's set, that of Plug-in Gait, centres of
             joints ("right elbow"), and frames of the model by name, the one that most names of the
@@ -316,6 +318,7 @@ def fit_markers(
             f"positions must be Markers, got {type(positions).__name__}; give "
             "go.recordings.Markers(time, names, positions) of shape (samples, markers, 3), in m"
         )
+    positions = of_person(positions, None)
     check_plausible_size(positions)
     if up is not None:
         positions = with_z_up(positions, up)

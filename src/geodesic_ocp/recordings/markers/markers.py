@@ -71,16 +71,6 @@ class Markers:
         )
 
 
-def without_prefix(labels: Sequence[str]) -> tuple[list[str], str]:
-    """Get labels without the subject before a colon, if they then still differ; and the subject."""
-    split = [label.rpartition(":") for label in labels]
-    names = [name.strip() for _, _, name in split]
-    if "" in names or len(set(names)) < len(names):
-        return list(labels), ""
-    prefixes = {prefix for prefix, _, _ in split if prefix}
-    return names, prefixes.pop() if len(prefixes) == 1 else ""
-
-
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 # The coordinates, counted from 1 and signed, that become x, y and z; every choice is a rotation.
