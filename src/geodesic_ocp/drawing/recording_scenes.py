@@ -257,7 +257,8 @@ def fitted_positions(fit: MarkerFit) -> Array:
             continue
         if place.joint < 0:  # the thorax, of which the model's base is one shoulder
             across = fit.lengths["shoulder half width"]
-            point = point - [across if body.lone_side == "right" else -across, 0.0, 0.0]
+            base = np.array([across if body.lone_side == "right" else -across, 0.0, 0.0])
+            point = point + (place.across - 1.0) * base
         found.append(np.broadcast_to(point, (len(q), 3)))
     positions = np.stack(found, axis=1)
     if fit.base is None:

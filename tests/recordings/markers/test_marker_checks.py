@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from marked_motion import HEIGHT, angles, marked
+from marked_motion import HEIGHT, MMM_MARKERS, angles, marked
 from small_recordings import MARKER_TABLE, TRC
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.fit_program import kept_weights
-from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import (
     Axis,
     Markers,

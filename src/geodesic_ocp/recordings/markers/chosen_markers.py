@@ -10,8 +10,8 @@ import scipy
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.recordings.markers.body import MarkedBody
-from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MarkerSet
+from geodesic_ocp.recordings.markers.body import MarkedBody, on_trunk
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet, marker_sets
 from geodesic_ocp.recordings.markers.markers import Markers, evenly, frozen_samples
 
 Base = Literal["fixed", "free"]
@@ -59,8 +59,8 @@ class ChosenMarkers:
 def choose_markers(
     body: MarkedBody, positions: Markers, marker_set: MarkerSet | None, height_factor: float
 ) -> ChosenMarkers:
-    """Return the markers that a set, or of the known sets the one with most of them, places on the
-    body.
+    """Return the markers that a set, or of the known sets the one with most of them on the arms,
+    places on the body.
 
     Offsets in metres are divided by `height_factor`, by which the body is to be scaled.
 
@@ -68,7 +68,8 @@ def choose_markers(
         ValueError: no marker is seen at all; the set has no marker of the recording on this body;
             or it gives offsets as fractions of a height that the model does not have.
     """
-    candidates = [marker_set] if marker_set is not None else [*MARKER_SETS, _frames(body)]
+    known = [*marker_sets().values(), _frames(body)]
+    candidates = [marker_set] if marker_set is not None else known
     if body.height is None:
         if marker_set is not None and marker_set.unit == "height":
             raise ValueError(
@@ -86,11 +87,17 @@ def choose_markers(
         found = used.matching(names)
         return {name: each for name, each in found.items() if body.has(used.places[each][0])}
 
-    match, used = max(((on_body(each), each) for each in candidates), key=lambda pair: len(pair[0]))
+    def fitness(match: dict[str, str], used: MarkerSet) -> tuple[int, int, int]:
+        """Return how many markers are on the arms, and in all, and how many are named literally."""
+        on_arms = sum(not on_trunk(used.places[each][0]) for each in match.values())
+        return on_arms, len(match), sum(name == each for name, each in match.items())
+
+    matches = [(on_body(each), each) for each in candidates]
+    match, used = max(matches, key=lambda pair: fitness(*pair))
     if not match:
-        known = marker_set.name if marker_set is not None else "the known marker sets"
+        wanted = ", ".join(each.name for each in candidates)
         raise ValueError(
-            f"none of the markers {', '.join(positions.names[:20])} is one of {known} on "
+            f"none of the markers {', '.join(positions.names[:20])} is one of {wanted} on "
             f"{body.model.name!r}; say where they are with marker_set=MarkerSet(...), "
             "or in a file (--marker-set)"
         )
@@ -188,6 +195,9 @@ _RIGID = 0.03  # root mean square distance of the markers of a segment from a ri
 _FRAMES = 200  # that are considered
 _LEANING = 60.0  # angle of the trunk from the vertical, in the mean over time, that is asked about
 _BETTER = 0.5  # share of their distances from a rigid trunk, below which markers are mirrored
+# Root mean square distance of points from a line, up to which they count as in line [m]: keypoints
+# of video have errors of this size.
+_IN_LINE = 0.01
 
 
 def _in_three(points: Array) -> NDArray[np.int64]:
@@ -271,7 +281,8 @@ def rigid_poses(places: Array, observed: Array, time: Array) -> tuple[Array, Arr
     if not known.size:
         raise ValueError(
             "base='free' needs three markers of the thorax (of the model's base) in one frame at "
-            "least, not in line; give positions in the base's axes and base='fixed' otherwise"
+            "least, not in line, such as both shoulders and the neck or a hip; give positions in "
+            "the base's axes and base='fixed' otherwise"
         )
     if known.size == 1:
         return np.repeat(rotations, time.size, 0), np.repeat(positions, time.size, 0)
@@ -282,7 +293,13 @@ def rigid_poses(places: Array, observed: Array, time: Array) -> tuple[Array, Arr
     return turning(at).as_matrix(), moving(at)
 
 
-def check_trunk(chosen: ChosenMarkers, *, ask_up: bool) -> None:
+def is_in_line(places: Array) -> bool:
+    """Return whether points (m, 3) [m] say nothing of the rotation about some line."""
+    _, sizes, _ = np.linalg.svd(places - places.mean(axis=0))
+    return bool(sizes[1] < _IN_LINE * np.sqrt(len(places)))
+
+
+def check_trunk(body: MarkedBody, chosen: ChosenMarkers, *, ask_up: bool) -> None:
     """Check the markers of the thorax or, without three of them, the pelvis.
 
     Args:
@@ -292,15 +309,23 @@ def check_trunk(chosen: ChosenMarkers, *, ask_up: bool) -> None:
         ValueError: the trunk is more than 60 deg from the vertical, in the mean over time; or its
             markers are those of a mirrored person.
     """
-    for segment in ("thorax", "pelvis"):
-        columns = np.flatnonzero([each == segment for each in chosen.segments])
+    pelvis = {"pelvis", "trunk"}
+    thorax = {"thorax", "right shoulder", "left shoulder"} | (pelvis if body.lone_side else set())
+    segment = "thorax"
+    columns = np.flatnonzero([each in thorax for each in chosen.segments])
+    rows = _in_three(chosen.observed[:, columns])
+    if not rows.size:
+        segment = "pelvis"
+        columns = np.flatnonzero([each in pelvis for each in chosen.segments])
         rows = _in_three(chosen.observed[:, columns])
-        if rows.size:
-            break
-    else:
+    if not rows.size:
         return
     rows = rows[evenly(rows.size, _FRAMES)]
-    places, points = chosen.places[columns], chosen.observed[np.ix_(rows, columns)]
+    points = chosen.observed[np.ix_(rows, columns)]
+    segments = [chosen.segments[column] for column in columns]
+    places = body.trunk_points(segments, chosen.places[columns])
+    if is_in_line(places):
+        return
     proper, mirrored = rigid_errors(places, points)
     if proper > _RIGID and mirrored < _BETTER * proper:
         raise ValueError(

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.ipopt import Outcome
-from geodesic_ocp.recordings.markers.body import SHOULDERS, MarkedBody
+from geodesic_ocp.recordings.markers.body import SHOULDERS, MarkedBody, on_trunk
 from geodesic_ocp.recordings.markers.chosen_markers import ChosenMarkers, FitSettings, KnownHeight
 
 ROOT = 6  # coordinates of a root that moves
@@ -137,8 +137,11 @@ class FitProblem:
     def _sought(self) -> NDArray[np.bool_]:
         """Which lengths are estimated: those between markers, and an unknown height."""
         segments = self.chosen.segments
-        on_arm = [each.startswith(("right", "left")) for each in segments]
-        found = {"height": self.known.spread > 0.0, SHOULDERS: any(on_arm) and not all(on_arm)}
+        # Both shoulders tell the distance between them, markers of trunk and arm that to the arm.
+        both = {"right shoulder", "left shoulder"}
+        trunk = {each for each in segments if on_trunk(each)} - both
+        shoulders = both <= {*segments} or bool(trunk and {*segments} - trunk - both)
+        found = {"height": self.known.spread > 0.0, SHOULDERS: shoulders}
         for side in ("right", "left"):
             found[f"{side} forearm"] = f"{side} hand" in segments
             beyond = (f"{side} {part}" for part in ("elbow", "forearm", "hand"))

@@ -10,6 +10,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.markers.body import on_trunk
 from geodesic_ocp.recordings.markers.fit_program import LOST
 from geodesic_ocp.recordings.markers.fit_uncertainty import FitNoise
 from geodesic_ocp.tables import new_table
@@ -24,7 +25,6 @@ DOUBTFUL = "the fit of the markers is doubtful: "
 _USUAL = 0.02
 _MANY = 0.25  # share of the samples of markers that are lost
 _SHORT = 1.0  # [s]
-_TRUNK = ("thorax", "abdomen", "pelvis")
 _NEAR = 0.5  # distance from another marker's place, relative to that from its own
 # Bounds of this project's choice, see `MarkerFit.typical_error`: a recording by the Master Motor
 # Map's set is fitted within 7 mm, without estimated offsets within 30 mm, one that is mirrored
@@ -105,7 +105,7 @@ class MarkerFit:
         height_from: where the height was taken from, in words.
         height_estimated: whether it was taken from the markers.
         undetermined: joints that the markers which kept their weight do not determine for at least
-            half of the time, where smoothness and limits choose.
+            half of the time, or but for an error of more than 1 rad; smoothness and limits choose.
         constant_errors: standard deviations of the constant errors of the joints' angles (n,)
             [rad] that uncertain places of the markers on their segments leave; NaN for joints that
             are not determined.
@@ -162,9 +162,9 @@ class MarkerFit:
 
         Of the markers of the trunk or of all others, whichever is greater.
         """
-        on_trunk = np.isin(self.segments, _TRUNK)
+        trunk = np.array([on_trunk(each) for each in self.segments])
         seen = ~np.isnan(self.errors).all(axis=0)
-        groups = [each for each in (seen & on_trunk, seen & ~on_trunk) if each.any()]
+        groups = [each for each in (seen & trunk, seen & ~trunk) if each.any()]
         means = [np.nanmean(self.errors[:, each], axis=0) for each in groups]
         return max(float(np.median(each)) for each in means)
 
