@@ -208,15 +208,14 @@ def test_a_position_that_is_held_is_no_measurement() -> None:
     axes = np.stack([np.cos(time), np.sin(time), 0.0 * time], axis=1)
     elbow = np.zeros((time.size, 3))
     points = np.stack([elbow, 0.2 * axes, 0.25 * axes], axis=1)
-    assert not frozen_samples(time, points, [0, 3, 3]).any()
+    assert not frozen_samples(points, [0, 3, 3], 0.03).any()
     points[30:, 2] = points[30, 2]
-    held = frozen_samples(time, points, [0, 3, 3])
+    held = frozen_samples(points, [0, 3, 3], 0.03)
     assert held[:, 2].mean() == pytest.approx(71 / 101)
     assert not held[:, :2].any()
     # Without another marker on the segment, the nearest one moves away from the one that is held.
-    assert np.array_equal(frozen_samples(time, points, [0, 3, 5]), held)
-    points[:, 2] = points[30, 2]
-    assert not frozen_samples(time, np.repeat(points[30:31], time.size, axis=0), [0, 3, 3]).any()
+    assert np.array_equal(frozen_samples(points, [0, 3, 5], 0.03), held)
+    assert not frozen_samples(np.repeat(points[30:31], time.size, axis=0), [0, 3, 3], 0.03).any()
 
 
 @pytest.mark.slow

@@ -262,7 +262,8 @@ def _check_counts(file: Path, header: C3dHeader, content: bytes) -> None:
         raise RecordingError(
             f"is broken: the rate is {header.rate:g} Hz in the header, {rate:g} Hz in POINT:RATE"
         )
-    room, held = header.room(content), header.held_frames(content)
+    room = header.room(content)
+    held = header.held_frames(content)
     if frames < 1:
         raise RecordingError(
             f"the header is broken: it counts frames {header.first} to {header.last}"

@@ -57,12 +57,18 @@ class ChosenMarkers:
 
 
 def choose_markers(
-    body: MarkedBody, positions: Markers, marker_set: MarkerSet | None, height_factor: float
+    body: MarkedBody,
+    positions: Markers,
+    marker_set: MarkerSet | None,
+    *,
+    height_factor: float,
+    outlier: float,
 ) -> ChosenMarkers:
     """Return the markers that a set, or of the known sets the one with most of them on the arms,
     places on the body.
 
-    Offsets in metres are divided by `height_factor`, by which the body is to be scaled.
+    Offsets in metres are divided by `height_factor`, by which the body is to be scaled. Positions
+    that are held, see `frozen_samples`, are missing.
 
     Raises:
         ValueError: no marker is seen at all; the set has no marker of the recording on this body;
@@ -105,7 +111,7 @@ def choose_markers(
     observed = positions.positions[:, [positions.names.index(name) for name in match]]
     segments = [used.places[marker][0] for marker in match.values()]
     carriers = [body.attachment(segment).joint for segment in segments]
-    standing = frozen_samples(positions.time, observed, carriers)
+    standing = frozen_samples(observed, carriers, outlier)
     observed = np.where(standing[:, :, None], np.nan, observed)
     shares = dict(zip(match, standing.mean(axis=0).tolist(), strict=True))
     kept = np.flatnonzero(~np.isnan(observed).all(axis=(0, 2)))
@@ -194,7 +200,6 @@ def known_height(
 _RIGID = 0.03  # root mean square distance of the markers of a segment from a rigid body at most [m]
 _FRAMES = 200  # that are considered
 _LEANING = 60.0  # angle of the trunk from the vertical, in the mean over time, that is asked about
-_BETTER = 0.5  # share of their distances from a rigid trunk, below which markers are mirrored
 # Root mean square distance of points from a line, up to which they count as in line [m]: keypoints
 # of video have errors of this size.
 _IN_LINE = 0.01
@@ -327,7 +332,7 @@ def check_trunk(body: MarkedBody, chosen: ChosenMarkers, *, ask_up: bool) -> Non
     if is_in_line(places):
         return
     proper, mirrored = rigid_errors(places, points)
-    if proper > _RIGID and mirrored < _BETTER * proper:
+    if proper > _RIGID and mirrored < proper / 2:
         raise ValueError(
             f"positions: the markers of the {segment} are those of a mirrored person "
             f"({1e3 * proper:.0f} mm from a rigid {segment}, {1e3 * mirrored:.0f} mm from a "

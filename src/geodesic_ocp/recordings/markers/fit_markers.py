@@ -246,7 +246,13 @@ def fit_markers(
         positions = with_z_up(positions, up)
     body = MarkedBody(model)
     known = known_height(body, positions, height, settings)
-    chosen = choose_markers(body, positions, as_marker_set(marker_set), known.factor)
+    chosen = choose_markers(
+        body,
+        positions,
+        as_marker_set(marker_set),
+        height_factor=known.factor,
+        outlier=settings.outlier,
+    )
     _check_times(positions.time)
     if base == "free" and body.height is not None:
         check_trunk(body, chosen, ask_up=up is None)

@@ -24,8 +24,6 @@ DOUBTFUL = "the fit of the markers is doubtful: "
 # A typical error that is usual at most [m]: skin moves, and places of markers are assumed.
 _USUAL = 0.02
 _MANY = 0.25  # share of the samples of markers that are lost
-_SHORT = 1.0  # [s]
-_NEAR = 0.5  # distance from another marker's place, relative to that from its own
 # Bounds of this project's choice, see `MarkerFit.typical_error`: a recording by the Master Motor
 # Map's set is fitted within 7 mm, without estimated offsets within 30 mm, one that is mirrored
 # within 70 mm.
@@ -36,7 +34,6 @@ _SHORTEST, _TALLEST = 0.8, 2.4  # body heights that are believed if they are est
 # the men of the nations where they are shortest and tallest, 1.49 and 1.825 m (NCD Risk Factor
 # Collaboration, "A century of trends in adult human height", eLife 5, 2016).
 _SHORT_ADULT, _TALL_ADULT = 1.30, 2.04  # [m]
-_MOSTLY = 0.5  # share of the time for which a marker is lost; joints are undetermined by the same
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,8 @@ def lost_markers(
             away = np.linalg.norm(observed[rows, column, None] - predicted[rows], axis=2)
             distances = np.median(away, axis=0)
             nearest = int(np.argmin(distances))
-            near = names[nearest] if distances[nearest] < _NEAR * distances[column] else None
+            # Much nearer to another marker's place than to its own.
+            near = names[nearest] if distances[nearest] < distances[column] / 2 else None
             start, end, distance = map(float, (*time[rows[[0, -1]]], distances[column]))
             found.append(LostMarker(name, start, end, distance, near))
     return tuple(found)
@@ -185,7 +183,7 @@ class MarkerFit:
         if self.typical_error > _USUAL:
             seconds = float(np.ptp(self.motion.time))
             short = f" (a recording of {seconds:.2g} s says little about their places)"
-            found.append(self._distance + (short if seconds < _SHORT else ""))
+            found.append(self._distance + (short if seconds < 1.0 else ""))
         if self.mean_error > _NO_FIT:
             found.append(f"markers are {1e3 * self.mean_error:.0f} mm from their places on average")
         if self.lost_share > _MANY:
@@ -209,7 +207,7 @@ class MarkerFit:
         for column, name in enumerate(self.names):
             seen = ~np.isnan(self.weights[:, column])
             lost = seen & (self.weights[:, column] < LOST)
-            if lost.sum() > _MOSTLY * seen.sum():
+            if 2 * lost.sum() > seen.sum():  # as joints are undetermined for half of the time
                 away = 1e3 * float(np.median(self.errors[lost, column]))
                 share = lost.sum() / seen.sum()
                 found.append(f"{name} is {away:.0f} mm from its place for {share:.0%} of the time")

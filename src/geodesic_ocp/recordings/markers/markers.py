@@ -144,23 +144,18 @@ def check_plausible_size(markers: Markers) -> None:
         raise ValueError(f"all markers of a sample are within {widest:.3g} m{_IN_M}")
 
 
-# A marker is frozen if it repeats a position so long while its distances from its neighbours change
-# so much: the bounds by which trajectory/outliers.py calls the angle of a joint frozen.
-_STANDING, _CHANGED = 0.1, 0.05  # [s], [m]
-
-
-def frozen_samples(time: Array, observed: Array, carriers: Sequence[int]) -> NDArray[np.bool_]:
+def frozen_samples(observed: Array, carriers: Sequence[int], outlier: float) -> NDArray[np.bool_]:
     """Return in which samples markers (k, m) repeat a position although what carries them moves.
 
-    Some programs fill a gap with the last position. No measurement repeats all three coordinates
-    for long; positions of a simulated body at rest do, but then its other markers rest, too. If a
-    segment other than the root has no other marker, the nearest one stands for them.
+    Some programs fill a gap with the last position. Positions of a body at rest repeat, too, but
+    then the distances from its other markers do not change by as much as makes a marker an outlier.
+    If a segment other than the root has no other marker, the nearest one stands for them.
 
     Args:
-        time: (k,) [s].
         observed: positions (k, m, 3) [m], NaN where missing.
         carriers: numbers of the joints that carry the markers (m,); those of the root are not
             positive.
+        outlier: distance at which a marker keeps a quarter of its weight [m].
     """
     joints = np.maximum(carriers, 0)
     frozen = np.zeros(observed.shape[:2], dtype=bool)
@@ -168,8 +163,6 @@ def frozen_samples(time: Array, observed: Array, carriers: Sequence[int]) -> NDA
     for marker, joint in enumerate(joints):
         edges = np.flatnonzero(np.diff(np.pad(repeats[:, marker].astype(int), 1)))
         for first, last in edges.reshape(-1, 2):
-            if time[last] - time[first] < _STANDING:
-                continue
             span = observed[first : last + 1]
             away = np.linalg.norm(span - span[:, marker, None], axis=2)
             seen = ~np.isnan(away).any(axis=0)
@@ -178,6 +171,6 @@ def frozen_samples(time: Array, observed: Array, carriers: Sequence[int]) -> NDA
             if joint > 0 and seen.any() and not mates.any():
                 mates[np.argmin(np.where(seen, away[0], np.inf))] = True
             changes = np.ptp(away[:, mates], axis=0)
-            if changes.size and changes.min() > _CHANGED:
+            if changes.size and changes.min() > outlier:
                 frozen[first : last + 1, marker] = True
     return frozen
