@@ -23,7 +23,7 @@ from geodesic_ocp.model.human import (
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.segment_orientations import joint_angles
-from geodesic_ocp.recordings.formats.angle_tables import Gaps
+from geodesic_ocp.recordings.formats.angle_tables import Gaps, noted_doubts
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
@@ -164,7 +164,7 @@ def read_motion(
         motion: Motion = FORMATS[kind].read(file, joints, **given)
         if kind not in ("opensim", "bids angles"):  # whose columns have their unit stated
             check_radians(motion.joint_names, motion.q)
-        return motion
+        return replace(motion, doubts=noted_doubts(file)) if kind == "table" else motion
 
 
 def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
