@@ -167,7 +167,8 @@ class Shown:
                 yield playback_of(recording, title=recording.name)
             else:
                 given = self.recording
-                with warnings.catch_warnings(action="ignore"):  # they were told with the fit
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # they were told with the fit
                     markers = read_markers(file, up=given.up, person=given.person)
                 yield marker_fit_playback(recording.fit, markers, title=recording.name)
 

@@ -250,7 +250,9 @@ def fitted_positions(fit: MarkerFit) -> Array:
     found = []
     for name, segment in zip(fit.names, fit.segments, strict=True):
         place = body.attachment(segment)
-        point = place.origin + place.rotation @ fit.offsets[name]
+        # A lone arm's proportions need not be those of the trunk, which has the person's height.
+        taller = (fit.height or 1.0) / (body.height or 1.0) if place.joint < 0 else 1.0
+        point = taller * place.origin + place.rotation @ fit.offsets[name]
         if place.joint > 0:
             rotations, origins = model.frame_pose(str(model.pin.names[place.joint]), q)
             found.append(rotations @ point + origins)

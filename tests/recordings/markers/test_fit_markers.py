@@ -19,6 +19,7 @@ from marked_motion import (
 )
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.recording_scenes import fitted_positions
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_set import marker_sets
 from geodesic_ocp.recordings.markers.markers import Markers
@@ -114,6 +115,8 @@ def test_two_shoulders_and_the_neck_carry_an_arm() -> None:
         assert fit.height == pytest.approx(HEIGHT, rel=0.02)
         assert fit.lengths["shoulder half width"] == pytest.approx(0.110 * HEIGHT, rel=0.01)
         assert np.sqrt(np.mean((fit.motion.q - q) ** 2)) < 0.05
+        away = np.linalg.norm(fitted_positions(fit) - some.positions, axis=2)
+        np.testing.assert_allclose(away, fit.errors, atol=1e-9)
     names = ("right shoulder", "left shoulder", "right elbow")
     with pytest.raises(ValueError, match="such as both shoulders and the neck or a hip"):
         fit_markers(arm, Markers(time, names, markers.positions[:, :3]))
