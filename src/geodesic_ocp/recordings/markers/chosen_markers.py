@@ -356,5 +356,5 @@ def check_trunk(body: MarkedBody, chosen: ChosenMarkers, *, ask_up: bool) -> Non
         raise ValueError(
             f"positions: the {segment} is {angle:.0f} deg from the vertical z, on average: is "
             f"{name} up? Then pass up={name!r} (--up {name}); pass up='z' if z is up and the "
-            "person lies"
+            "person lies. Or are right and left exchanged in the names?"
         )
