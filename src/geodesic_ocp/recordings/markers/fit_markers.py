@@ -125,9 +125,10 @@ def _root_start(problem: FitProblem, time: Array) -> tuple[FitProblem, Array]:
     carried = [problem.body.attachment(segment).joint <= 0 for segment in segments]
     (places,) = problem.positions(problem.neutral[None], np.zeros(problem.ns))
     columns = np.flatnonzero(carried)
-    if columns.size < 3 or is_in_line(places[columns]):
-        # Parts of a person that hardly move in the root.
-        columns = np.flatnonzero([on_trunk(segment) for segment in segments])
+    # Parts of a person that hardly move in the root.
+    trunk = np.flatnonzero([on_trunk(segment) for segment in segments])
+    if trunk.size > columns.size and (columns.size < 3 or is_in_line(places[columns])):
+        columns = trunk
     columns = columns[without_stray(places[columns], observed[:, columns])]
     rotations, z[:, :3] = rigid_poses(places[columns], observed[:, columns], time)
     # The angle in the middle of three must stay away from 90 deg: its sine is the component of the
