@@ -194,6 +194,7 @@ def test_the_size_of_a_file_counts_what_its_header_cannot(counted: int, tmp_path
     assert read_markers(file).positions[:, 0, 0] == pytest.approx(1e-3 * values[:, 0, 0])
 
 
+@pytest.mark.slow
 def test_ezc3d_writes_more_frames_than_the_header_can_count(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     content = ezc3d.c3d()

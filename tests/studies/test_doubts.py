@@ -34,7 +34,7 @@ def test_doubts_about_a_motion_are_repeated_by_its_analysis(tmp_path: Path) -> N
     assert DOUBT in text(analysis.table())
     for shown in (analysis, motion):
         assert DOUBT in playback_of(shown).scenes[0].note
-    sure = go.analyse(arm, replace(motion, doubts=()), metric="euclidean")
+    sure = replace(analysis, motion=replace(motion, doubts=()))
     assert "Doubtful" not in text(sure.table())
     same = {"recording": "a", "subject": "A", "file": "a.c3d", "side": "right"}
     rows = [same | row for row in recording_rows(analysis, second_order=False)]
