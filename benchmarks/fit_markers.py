@@ -29,10 +29,12 @@ from pandas import DataFrame
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
-from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
+from geodesic_ocp.recordings.markers.marker_set import marker_sets
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.read_recording import read_markers
 from geodesic_ocp.tables import markdown, new_table
+
+MMM_MARKERS = marker_sets()["Master Motor Map"]
 
 FILTERS = {"Savitzky-Golay 0.21 s": {"duration": 0.21}, "default": {}}
 SETTINGS = (("kinetic", 0.6), ("kinetic", 0.3), ("kinetic", 0.15), ("joint-inertia", 0.6))

@@ -7,12 +7,18 @@ import scipy
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.markers.marker_set import MarkerSet
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet, marker_sets
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.trajectory.motion import FrameMotion
 
 HEIGHT = 1.8
+# The height of the shoulders above the pelvis, of a person who stands [m].
+PELVIS = float(go.human_upper_body(HEIGHT).frame_pose("thorax", np.zeros(20))[1][2])
+MMM_MARKERS = marker_sets()["Master Motor Map"]
+PLUG_IN_GAIT_MARKERS = marker_sets()["Plug-in Gait"]
+JOINT_CENTRES = marker_sets()["joint centres"]
 FRAMES = {
+    "shoulder": "{letter}Sx_joint",
     "upper arm": "{side} upper arm",
     "elbow": "{letter}Ex_joint",
     "forearm": "{side} forearm",
@@ -51,10 +57,14 @@ def placed(
     result = []
     for segment, offset in places.values():
         side, _, part = segment.partition(" ")
-        if segment == "thorax":
-            own = np.tile(offset - [across, 0.0, 0.0], (len(q), 1))
+        letter = side[0].upper()
+        if segment in ("thorax", "trunk"):
+            down = PELVIS if segment == "trunk" else 0.0
+            own = np.tile(offset - [across, 0.0, down], (len(q), 1))
+        elif part == "shoulder" and f"{letter}Sx_joint" not in model.joint_names:
+            own = np.tile([-2.0 * across, 0.0, 0.0], (len(q), 1))
         else:
-            frame = FRAMES[part].format(side=side, letter=side[0].upper())
+            frame = FRAMES[part].format(side=side, letter=letter)
             rotations, positions = model.frame_pose(frame, q)
             own = positions + rotations @ offset
         result.append(own)
@@ -74,7 +84,7 @@ def marked(
     places = {
         name: (segment, HEIGHT * np.array(offset))
         for name, (segment, offset) in used.places.items()
-        if segment == "thorax" or segment.startswith(side)
+        if segment in ("thorax", "trunk") or side in segment or "shoulder" in segment
     }
     across = 0.110 * HEIGHT * (1.0 if side == "right" else -1.0)
     positions = placed(model, q, places, walk(time), across)

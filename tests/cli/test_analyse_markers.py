@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from commands import Output
 from here import Here
-from marked_motion import HEIGHT, angles, marked
+from marked_motion import HEIGHT, MMM_MARKERS, angles, marked
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.studies.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 

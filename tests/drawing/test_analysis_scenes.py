@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from marked_motion import HEIGHT, angles, marked
+from marked_motion import HEIGHT, MMM_MARKERS, angles, marked
 
 import geodesic_ocp as go
 from geodesic_ocp.drawing.recording_scenes import (
@@ -19,7 +19,6 @@ from geodesic_ocp.drawing.recording_scenes import (
 from geodesic_ocp.drawing.scene import Playback
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
-from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
 
 

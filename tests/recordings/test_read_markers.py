@@ -99,7 +99,6 @@ def test_counts_in_the_header_of_trc_that_are_wrong_are_told(tmp_path: Path) -> 
         ("0.02", "", "line 9: the time is not a number: ''"),
         ("0.02", "0.01", "time must be two or more finite numbers that increase"),
         ("mm", "ft", "line 3 must give Units m, cm or mm, not 'ft'"),
-        ("RELB", "RSHO", "line 4 names RSHO more than once"),
         ("RSHO\t\t\tRELB\t\t", "", "line 4 names no markers"),
         ("\tRSHO\t\t\tRELB\t\t", "", "line 4 must name Frame#, Time and the markers"),
         ("Frame#", "Sample", "line 4 must name Frame#"),
@@ -185,6 +184,36 @@ def test_more_frames_than_the_header_can_count(tmp_path: Path) -> None:
         read_markers(file)
 
 
+@pytest.mark.parametrize("counted", [65535, 70_000 % 65536])
+def test_the_size_of_a_file_counts_what_its_header_cannot(counted: int, tmp_path: Path) -> None:
+    """Header and POINT:FRAMES saturate or overflow; the last block is filled up with zeros."""
+    values = np.zeros((70_000, 1, 4))
+    values[:, 0, 0] = 1.0 + np.arange(70_000)
+    content = c3d(values, ["A"], frames=counted).ljust(70_000 * 16 + 4 * 512, b"\0")
+    file = write(tmp_path, "long.c3d", content)
+    assert read_markers(file).positions[:, 0, 0] == pytest.approx(1e-3 * values[:, 0, 0])
+
+
+@pytest.mark.slow
+def test_ezc3d_writes_more_frames_than_the_header_can_count(tmp_path: Path) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    content = ezc3d.c3d()
+    content["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    content["parameters"]["POINT"]["LABELS"]["value"] = ("A",)
+    values = 1.0 + np.arange(66_000)
+    content["data"]["points"] = np.stack([values, values, values, 0.0 * values])[:, None]
+    content.write(str(tmp_path / "long.c3d"))
+    markers = read_markers(tmp_path / "long.c3d")
+    assert markers.positions[:, 0] == pytest.approx(1e-3 * np.stack([values] * 3, axis=1))
+
+
+def test_frames_that_the_header_does_not_count_are_told(tmp_path: Path) -> None:
+    file = write(tmp_path, "file.c3d", c3d(points(), ["A", "B", "C"], frames=3))
+    with pytest.warns(RuntimeWarning, match="counts 3 frames, which are read, but .* room for 5"):
+        assert len(read_markers(file)) == 3
+
+
 def test_points_at_the_origin_without_residual_are_missing(tmp_path: Path) -> None:
     values = points()
     values[0, 0] = 0.0
@@ -198,8 +227,7 @@ def test_points_at_the_origin_without_residual_are_missing(tmp_path: Path) -> No
     ("labels", "strings", "names", "subject"),
     [
         (["Jo:A", "Jo:B", "Jo:C"], {}, ("A", "B", "C"), "Jo"),
-        (["Jo:A", "Al:B", "C"], {}, ("A", "B", "C"), ""),
-        (["Jo:A", "Al:A", "C"], {}, ("Jo:A", "Al:A", "C"), ""),
+        (["Jo:A", "Jo:B", "C"], {}, ("A", "B", "C"), "Jo"),
         (["A", "*1", ""], {}, ("A",), ""),
         (["A", "B"], {}, ("A", "B"), ""),
         (["A"], {"LABELS2": ["B", "C"]}, ("A", "B", "C"), ""),
@@ -221,6 +249,40 @@ def test_labels_of_c3d(
     assert markers.positions[0] == pytest.approx(1e-3 * points()[0, columns, :3])
 
 
+TWO = TRC.replace("RELB", "RSHO")
+
+
+@pytest.mark.parametrize("content", [c3d(points(), ["A", "RSHO", "RSHO"]), TWO.encode()])
+def test_a_label_that_occurs_twice(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(content)
+    with pytest.warns(RuntimeWarning, match="file: RSHO is the label of several markers: the firs"):
+        markers = read_markers(tmp_path / "file")
+    assert markers.names[-2:] == ("RSHO", "RSHO (2)")
+
+
+@pytest.mark.parametrize(
+    ("labels", "first", "second"),
+    [
+        (["Jo:A", "Al:B", "Jo:C"], ("Jo", "A", "C"), ("Al", "B")),
+        (["Jo:A", "Al:A", "Al:C"], ("Jo", "A"), ("Al", "A", "C")),
+        (["A", "Al:A", "Al:C"], ("", "A"), ("Al", "A", "C")),
+    ],
+)
+def test_markers_of_several_people_are_never_mixed(
+    labels: list[str], first: tuple[str, ...], second: tuple[str, ...], tmp_path: Path
+) -> None:
+    file = write(tmp_path, "two.c3d", c3d(points(), labels))
+    with pytest.warns(RuntimeWarning, match=r"of several people: .* is taken, not Al; person='Al'"):
+        markers = read_markers(file)
+    assert (markers.subject.name, *markers.names) == first
+    markers = read_markers(file, person="AL")
+    assert (markers.subject.name, *markers.names) == second
+    columns = [labels.index(f"Al:{name}") for name in second[1:]]
+    assert markers.positions[0] == pytest.approx(1e-3 * points()[0, columns, :3])
+    with pytest.raises(go.RecordingError, match=r"two\.c3d: there is no person 'Eve'; .*Al"):
+        read_markers(file, person="Eve")
+
+
 LABELS = ["A", "B", "C"]
 
 
@@ -232,7 +294,6 @@ LABELS = ["A", "B", "C"]
         (c3d(points(), LABELS)[:600], "the parameters are broken: 'RATE'"),
         (c3d(points(), LABELS)[:100], "is cut off or broken: its 100 bytes have no block 2"),
         (c3d(points(), LABELS, unit="ft"), "POINT:UNITS must be m, cm or mm, is 'ft'"),
-        (c3d(points(), ["A", "A", "C"]), "names of markers must differ, got A twice"),
         (c3d(points(), ["*1", "*2", ""]), "none of its 3 points has a marker's label"),
         (c3d(np.zeros((5, 0, 4)), [], analog=4), "has no markers, only analog data"),
         (

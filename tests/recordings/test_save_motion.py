@@ -27,6 +27,13 @@ def test_names_are_kept_on_one_line(tmp_path: Path) -> None:
     assert again.q[:, 0] == pytest.approx([0.5, 1.0])
 
 
+def test_doubts_are_kept(tmp_path: Path) -> None:
+    doubts = ("RFIN is lost\nfor 100%", "the height would be 2.1 m")
+    motion = go.Motion([0.0, 1.0], [[0.5], [1.0]], ("elbow",), doubts=doubts)
+    again = go.read_motion(go.recordings.save_motion(tmp_path / "motion.csv", motion))
+    assert again.doubts == ("RFIN is lost for 100%", "the height would be 2.1 m")
+
+
 def test_another_suffix_is_refused(tmp_path: Path) -> None:
     motion = go.Motion([0.0, 1.0], [[0.5], [1.0]], ("elbow",))
     with pytest.raises(ValueError, match=r"must end in \.csv, got 'motion\.xml'"):

@@ -174,7 +174,7 @@ def _read(file: Path, side: Sides, settings: AnalysisSettings) -> Recording:
 
 def _has_arm(file: Path, side: Side, settings: AnalysisSettings) -> bool:
     stated = settings.reading()
-    del stated["marker_set"]
+    del stated["marker_set"], stated["person"]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # they are printed by then

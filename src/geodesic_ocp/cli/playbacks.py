@@ -166,7 +166,10 @@ class Shown:
             if recording.fit is None:
                 yield playback_of(recording, title=recording.name)
             else:
-                markers = read_markers(file, up=self.recording.up)
+                given = self.recording
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # they were told with the fit
+                    markers = read_markers(file, up=given.up, person=given.person)
                 yield marker_fit_playback(recording.fit, markers, title=recording.name)
 
     def _synergies(self, file: Path, recorded: Path | None) -> Playback:

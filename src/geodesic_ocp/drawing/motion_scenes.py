@@ -158,7 +158,7 @@ def motion_playback(
     chosen = of_joints(motion, model)
     shown, thinned = shown_samples(chosen.time)
     others = len(motion.joint_names) - model.dof
-    notes = [note, f"{others} more joints recorded" if others else "", thinned]
+    notes = [note, f"{others} more joints recorded" if others else "", thinned, motion.caveat]
     if chosen.trunk is not None:  # which moved, but the scene is that of the model's base
         notes.insert(1, f"the {'pelvis' if model.pin.existFrame('thorax') else 'trunk'} at rest")
     time, q = chosen.time[shown], chosen.q[shown]

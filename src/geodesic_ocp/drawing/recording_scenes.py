@@ -76,7 +76,7 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         frames=hand_frames(model, observed),
         ellipsoids=mobility_ellipsoids(model, observed, analysis.metric),
         clouds=_cuts(analysis),
-        note="; ".join(filter(None, (metric, note))),
+        note="; ".join(filter(None, (metric, note, motion.caveat))),
     )
     scene = overlaid(scene, model, analysis.predicted.q[shown], "predicted", "predicted")
     for name in others:
@@ -202,8 +202,8 @@ def marker_fit_playback(
     notes = (
         f"{len(fit.names)} markers, typically {1e3 * fit.typical_error:.0f} mm from their places",
         "the rest of the person was not fitted and is at rest" if rest_of_person(model) else "",
-        *(f"doubtful: {doubt}" for doubt in fit.doubts),
         note,
+        motion.caveat,
     )
     noted = "; ".join(filter(None, notes))
     scene = model_scene(model, time, q, title=title, role="predicted", note=noted)
@@ -250,14 +250,17 @@ def fitted_positions(fit: MarkerFit) -> Array:
     found = []
     for name, segment in zip(fit.names, fit.segments, strict=True):
         place = body.attachment(segment)
-        point = place.origin + place.rotation @ fit.offsets[name]
+        # A lone arm's proportions need not be those of the trunk, which has the person's height.
+        taller = (fit.height or 1.0) / (body.height or 1.0) if place.joint < 0 else 1.0
+        point = taller * place.origin + place.rotation @ fit.offsets[name]
         if place.joint > 0:
             rotations, origins = model.frame_pose(str(model.pin.names[place.joint]), q)
             found.append(rotations @ point + origins)
             continue
         if place.joint < 0:  # the thorax, of which the model's base is one shoulder
             across = fit.lengths["shoulder half width"]
-            point = point - [across if body.lone_side == "right" else -across, 0.0, 0.0]
+            base = np.array([across if body.lone_side == "right" else -across, 0.0, 0.0])
+            point = point + (place.across - 1.0) * base
         found.append(np.broadcast_to(point, (len(q), 3)))
     positions = np.stack(found, axis=1)
     if fit.base is None:

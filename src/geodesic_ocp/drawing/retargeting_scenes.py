@@ -173,13 +173,14 @@ def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> S
     analyses = observed(arms)
     model, q = _whole(arms, analyses)
     names = " and ".join(dict.fromkeys(each.model.name for each in analyses))
+    caveats = dict.fromkeys(each.motion.caveat for each in analyses)
     return Scene(
         "person",
         time,
         (model_actor(model, q[shown], role="observed"), *rest_of_person(model)),
         hand_trails(model, q[shown], "observed"),
         frames=hand_frames(model, q[shown]),
-        note=names + _slowed(arms, time),
+        note="; ".join(filter(None, (names + _slowed(arms, time), *caveats))),
     )
 
 

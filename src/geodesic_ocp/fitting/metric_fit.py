@@ -155,7 +155,9 @@ class MetricFit:
             header += (f"{100 * intervals[0].confidence:g} % from", "to")
             for row, own in enumerate(intervals):
                 rows[row] += (own.low, own.high)
-        return new_table(header, rows)
+        found = {each.name: each.motion.caveat for each in self.recordings}
+        notes = [f"{name}: {caveat}" for name, caveat in found.items() if caveat]
+        return new_table(header, rows, " ".join(notes))
 
 
 def save_metric(

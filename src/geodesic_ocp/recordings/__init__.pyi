@@ -8,7 +8,7 @@ from .conventions.skeleton_convention import SkeletonConvention as SkeletonConve
 from .formats.angle_tables import Column as Column
 from .formats.angle_tables import save_motion as save_motion
 from .markers.fit_markers import fit_markers as fit_markers
-from .markers.marker_fit import FitNoise as FitNoise
+from .markers.fit_uncertainty import FitNoise as FitNoise
 from .markers.marker_fit import LostMarker as LostMarker
 from .markers.marker_fit import MarkerFit as MarkerFit
 from .markers.marker_set import MarkerSet as MarkerSet

@@ -23,7 +23,7 @@ from geodesic_ocp.model.human import (
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.segment_orientations import joint_angles
-from geodesic_ocp.recordings.formats.angle_tables import Gaps
+from geodesic_ocp.recordings.formats.angle_tables import Gaps, noted_doubts
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
@@ -35,6 +35,7 @@ from geodesic_ocp.recordings.markers.markers import (
     check_plausible_size,
     with_z_up,
 )
+from geodesic_ocp.recordings.markers.people import of_person
 from geodesic_ocp.recordings.recording import (
     Recording,
     ask_about_limits,
@@ -46,7 +47,9 @@ from geodesic_ocp.recordings.recording import (
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 
-def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:
+def read_markers(
+    path: str | PathLike[str], *, up: Axis | None = None, person: str | None = None
+) -> Markers:
     """Read the positions of markers from a file: c3d, TRC, CSV of Vicon Nexus, TSV of Qualisys,
     Motion-BIDS, or a table with NAME_x, NAME_y, NAME_z.
 
@@ -70,11 +73,14 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
         up: the axis of the file that points upwards, such as "y" or "-z"; the space is turned so
             that it becomes z, which `fit_markers` needs. Formats leave it open: TRC files for
             OpenSim mostly have y up, c3d files z.
+        person: person in a file with the markers of several, by the prefix of their labels, such as
+            "Ann" of "Ann:RSHO"; by default the first, with a warning that names the others. Names
+            in the result are without the prefix.
 
     Raises:
-        RecordingError: the file is missing, of an unknown format, or malformed, or its positions
-            are not those of a person in the unit that it states; the message names the file, the
-            line or frame, and what was expected there.
+        RecordingError: the file is missing, of an unknown format, or malformed, has no such person,
+            or its positions are not those of a person in the unit that it states; the message names
+            the file, the line or frame, and what was expected there.
         ValueError: `up` is not an axis.
     """
     file = Path(path)
@@ -86,7 +92,7 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
             raise RecordingError(
                 f"{file}: {FORMATS[kind].label} has no markers; read it with go.read_motion"
             )
-        markers: Markers = FORMATS[kind].read(file)
+        markers = of_person(FORMATS[kind].read(file), person, str(file))
         check_plausible_size(markers)
     return markers if up is None else with_z_up(markers, up)
 
@@ -158,7 +164,7 @@ def read_motion(
         motion: Motion = FORMATS[kind].read(file, joints, **given)
         if kind not in ("opensim", "bids angles"):  # whose columns have their unit stated
             check_radians(motion.joint_names, motion.q)
-        return motion
+        return replace(motion, doubts=noted_doubts(file)) if kind == "table" else motion
 
 
 def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
@@ -198,6 +204,7 @@ def read_recording(
     skeleton: str | PathLike[str] | None = None,
     up: Axis | None = None,
     marker_set: MarkerSet | str | PathLike[str] | None = None,
+    person: str | None = None,
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
@@ -225,6 +232,7 @@ def read_recording(
             `read_motion`.
         up: the axis that points upwards in a file of markers or of a skeleton.
         marker_set: where the markers are, or a file that says so, see `fit_markers`.
+        person: person in a file with the markers of several, see `read_markers`.
         columns, fill, part: columns of a table, and its gaps, see `read_motion`.
 
     Raises:
@@ -244,10 +252,10 @@ def read_recording(
     of_markers = {"up": up, "marker_set": marker_set}
     with named_failures(file):
         kind = recognise(file)
-    every = stated | of_markers
+    every = stated | of_markers | {"person": person}
     check_stated(file, kind, [name for name, each in every.items() if each is not None])
     if FORMATS[kind].content == "markers":
-        markers = read_markers(file)
+        markers = read_markers(file, person=person)
         arm = _arm_of(markers.subject, file, side, height, mass, armature)
         fit = _fitted(file, arm, markers, height, of_markers)
         arm, motion = fit.model, fit.motion
@@ -272,6 +280,7 @@ def read_recording(
         else:
             motion = motion.filtered(cutoff=cutoff, duration=duration)
     name = file.stem if part is None else f"{file.stem}, part {part}"
+    name = name if person is None else f"{name}, {person}"
     return Recording(arm, motion, f"{name}, {side}", motion.subject.name, fit)
 
 

@@ -127,6 +127,7 @@ def read_recordings(
     skeleton: str | PathLike[str] | None = None,
     up: Axis | None = None,
     marker_set: MarkerSet | str | PathLike[str] | None = None,
+    person: str | None = None,
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
@@ -154,7 +155,7 @@ def read_recordings(
         duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
-        convention, unit, rate, skeleton, up, marker_set, columns, fill, part: see
+        convention, unit, rate, skeleton, up, marker_set, person, columns, fill, part: see
             `read_recording`; each is used for the files to whose format it applies. With `fill`, a
             table with longer gaps is a recording for each part between them, or for this part.
 
@@ -171,7 +172,7 @@ def read_recordings(
     numbers: dict[str, Any] = {"height": height, "mass": mass}
     numbers |= {"cutoff": cutoff, "duration": duration}
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
-    stated |= {"up": up, "marker_set": marker_set, "columns": columns}
+    stated |= {"up": up, "marker_set": marker_set, "person": person, "columns": columns}
     stated |= {"fill": fill, "part": part}
     check_arguments(side, up, numbers)
     human_arm(side)  # raises for another side, or for both

@@ -1,11 +1,12 @@
 """RecordingSettings: the person in a recording, and what its file leaves open."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.arrays import as_choice, as_positive
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
+from geodesic_ocp.recordings.markers.marker_set import marker_sets
 from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 
 
@@ -23,8 +24,10 @@ class RecordingSettings:
         skeleton: skeleton of .amc files (.asf); default: the file beside each.
         up: axis that points upwards in files of markers or of a skeleton: x, y, z, or the opposite,
             as in --up=-y.
-        marker_set: file that says where the markers are (.json, .toml); default: the known set that
-            fits.
+        marker_set: file that says where the markers are (.json, .toml), or the name of a known set,
+            such as HALPE_26; default: the known set that fits.
+        person: person in a file with the markers of several, by the prefix of their labels, as in
+            Ann:RSHO; default: the first.
         amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
         columns: file (.csv) that says which columns of a table are which joints; its columns are
             ours, theirs, sign, unit and offset.
@@ -43,6 +46,7 @@ class RecordingSettings:
     skeleton: str | None = None
     up: Axis | None = None
     marker_set: str | None = None
+    person: str | None = None
     amc_rate: float | None = None
     columns: str | None = None
     fill: float | None = None
@@ -50,10 +54,12 @@ class RecordingSettings:
 
     def __post_init__(self) -> None:
         self._check_positive(height="m", mass="kg", amc_rate="Hz", fill="s")
-        for name in ("skeleton", "marker_set", "columns"):
+        for name in ("skeleton", "columns"):
             file = getattr(self, name)
             if file is not None and not Path(file).is_file():
                 raise ValueError(f"{name}: there is no file {file!r}")
+        if self.marker_set is not None and not Path(self.marker_set).is_file():
+            as_choice("marker_set, which is no file,", self.marker_set, [*marker_sets()])
         named = self.convention is None or self.convention in ANGLE_CONVENTIONS
         if self.convention is not None and not named and not Path(self.convention).is_file():
             raise ValueError(
@@ -70,5 +76,6 @@ class RecordingSettings:
 
     def reading(self) -> dict[str, Any]:
         """Return the arguments of `read_recording` about the format of the file."""
-        names = ("convention", "unit", "skeleton", "up", "marker_set", "columns", "fill", "part")
+        others = ("height", "mass", "amc_rate")
+        names = (each.name for each in fields(RecordingSettings) if each.name not in others)
         return {name: getattr(self, name) for name in names} | {"rate": self.amc_rate}

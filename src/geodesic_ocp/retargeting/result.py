@@ -129,6 +129,12 @@ class Retargeting:
         return tuple(found)
 
     @property
+    def caveats(self) -> tuple[str, ...]:
+        """Why the person's motion may not be what was recorded, a sentence for each analysis."""
+        found = (arm.analysis.motion.caveat for arm in self.arms)
+        return tuple(dict.fromkeys(filter(None, found)))
+
+    @property
     def touches(self) -> bool:
         """True if links touch each other or an obstacle, where geometry is known."""
         least = self.check.clearance
@@ -208,6 +214,7 @@ class Retargeting:
             for method, found in arm.statistics.items()
         ]
         note = "Means over the recording's samples; in comparison.csv, over the robot's time."
+        note = " ".join([note, *self.caveats])
         return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], note)
 
     def synergy_table(self) -> DataFrame:
@@ -307,7 +314,13 @@ class Retargeting:
         save_figure(self.plot(), made)
         for number, arm in enumerate(self.bodies):
             name = "synergies.json" if len(self.bodies) == 1 else f"synergies_{number}.json"
-            save_synergies(made / name, arm.synergies, arm.robot.joint_names, arm.robot)
+            save_synergies(
+                made / name,
+                synergies=arm.synergies,
+                joint_names=arm.robot.joint_names,
+                model=arm.robot,
+                doubts=arm.analysis.motion.doubts,
+            )
 
 
 def waist_motion(arm: RetargetedArm) -> str:

@@ -214,7 +214,13 @@ def _result(task: RecordingTask, target: Path) -> tuple[dict[str, Any], str]:
         record["profiles"] = profile_rows(analysis)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "synergies.json"
-        save_synergies(file, analysis.synergies, motion.joint_names, analysis.model)
+        save_synergies(
+            file,
+            synergies=analysis.synergies,
+            joint_names=motion.joint_names,
+            model=analysis.model,
+            doubts=motion.doubts,
+        )
         return record, file.read_text(encoding="utf-8")
 
 
@@ -232,4 +238,6 @@ def outcome_of(source: RecordingSource, key: str, record: dict[str, Any]) -> Rec
         f"{own['segments']} synergies, joints to {own['joint_error_rad']:.3f} rad, hand to "
         f"{1e3 * own['position_error_m']:.0f} mm"
     )
+    if doubts := own.get("doubts"):
+        text += f"; doubtful: {doubts}"
     return RecordingOutcome(source, "found", text, key, tuple(record.get("warnings", ())))

@@ -28,6 +28,7 @@ from geodesic_ocp.studies.study_tables import (
     PARQUET_HINT,
     TABLES,
     Row,
+    doubtful_recordings,
     has_parquet,
     new_rows,
     write_table,
@@ -267,6 +268,7 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
             "Passive arms, in which no joint moves by more than 20 deg, are not in the means: "
             f"{'; '.join(passive)}."
         )
+    yield from doubtful_recordings(recordings)
     for name, unit in (("height", "m"), ("mass", "kg")):
         assumed = [row for row in recordings if row.get(f"{name}_from") == "assumed"]
         if assumed:

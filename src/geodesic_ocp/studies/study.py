@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _MOST_CONDITIONS = 20
 _NOT_CONDITIONS = {
     *("recording", "file", "subject", "method", "method_label"),
-    *("subject_from", "height_from", "mass_from"),
+    *("subject_from", "height_from", "mass_from", "doubts"),
     *(name for name, kind in RECORDINGS.items() if kind != "text"),
 }
 

@@ -34,7 +34,7 @@ from geodesic_ocp.studies.paired_test import (
     student_half,
 )
 from geodesic_ocp.studies.sources import alike, may_be_one
-from geodesic_ocp.studies.study_tables import key_of, new_rows
+from geodesic_ocp.studies.study_tables import doubtful_recordings, key_of, new_rows
 from geodesic_ocp.synergies.second_order import SECOND_ORDER
 from geodesic_ocp.tables import latex, markdown
 
@@ -566,6 +566,7 @@ class StudyResult:
             if missing := total - known[method]:
                 notes.append(f"{label}: no result in {missing} of {_count(total, 'recording')}.")
         notes += [*self._caveats, *self._spread]
+        notes += doubtful_recordings(rows.drop_duplicates("recording").to_dict("records"))
         notes += [f"{may_be_one(names)}." for names in alike(self.subjects)]
         if len(self.subjects) == 1:
             notes.append("One subject only: there is no spread over subjects, and nothing to test.")

@@ -54,6 +54,7 @@ RECORDINGS: dict[str, Kind] = {
     "mass_kg": "number",
     "mass_from": "text",  # given, table, file, or assumed
     "marker_error_m": "number",  # mean distance of markers from the fitted ones
+    "doubts": "text",  # why the motion may not be what was recorded, see `Motion.doubts`
     "samples": "integer",
     "duration_s": "number",
     "rate_hz": "number",  # mean sampling rate
@@ -121,6 +122,7 @@ def recording_rows(
     """
     motion, used = analysis.motion, analysis.motion.filter
     same: Row = {
+        "doubts": "; ".join(motion.doubts),
         "samples": len(motion),
         "duration_s": motion.duration,
         "rate_hz": motion.rate,
@@ -212,6 +214,12 @@ def _errors(errors: MotionErrors | None, suffix: str = "") -> Row:
 
 def _finite(number: float) -> float | None:
     return number if isfinite(number) else None
+
+
+def doubtful_recordings(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return a sentence on the recordings whose motion may not be what was recorded, if any."""
+    found = [f"{row['recording']} ({row['doubts']})" for row in rows if row.get("doubts")]
+    return [f"Doubtful, but in the means: {'; '.join(found)}."] if found else []
 
 
 def path_ends(file: str) -> Iterator[str]:

@@ -165,7 +165,8 @@ class Analysis:
             for method, label in self.labels().items()
         ]
         lacking = ", ".join(self.labels()[method] for method in self.not_found)
-        note = f"Not found: {lacking}." if lacking else ""
+        notes = (f"Not found: {lacking}." if lacking else "", self.motion.caveat)
+        note = " ".join(filter(None, notes))
         return new_table(("method", "segments", *self._columns), rows, note)
 
     @property
@@ -395,8 +396,13 @@ class Analysis:
                 figure = in_degrees(figure)
             save_tables(place, tables)
             save_figure(figure, place)
-            file, names = place / "synergies.json", self.motion.joint_names
-            save_synergies(file, self.synergies, names, self.model)
+            save_synergies(
+                place / "synergies.json",
+                synergies=self.synergies,
+                joint_names=self.motion.joint_names,
+                model=self.model,
+                doubts=self.motion.doubts,
+            )
 
         return write_together(folder, write)
 

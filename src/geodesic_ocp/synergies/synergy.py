@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -263,6 +263,7 @@ class _FileRecord:
     joint_names: tuple[str, ...]
     synergies: tuple[_SynergyRecord, ...]
     model: _ModelRecord = field(default_factory=_ModelRecord)
+    doubts: tuple[str, ...] = ()
 
 
 def save_synergies(
@@ -270,6 +271,7 @@ def save_synergies(
     synergies: Sequence[Synergy],
     joint_names: Sequence[str],
     model: Model | None = None,
+    doubts: Sequence[str] = (),
 ) -> None:
     """Write segments, paths and time laws of synergies in SI units, at full precision.
 
@@ -291,6 +293,7 @@ def save_synergies(
         joint_names: names of the coordinates.
         model: model whose name, and height if it is a person's, are written, by which `geodesic-ocp
             show` knows what to draw.
+        doubts: why the motion may not be what was recorded, see `Motion.doubts`.
     """
     record = {
         "format": FORMAT,
@@ -298,6 +301,7 @@ def save_synergies(
         "units": {"q": "rad or m", "time": "s", "length": "of the metric: sqrt(kg) m"},
         "joint_names": list(joint_names),
         **({} if model is None else {"model": {"name": model.name, "height": stature(model)}}),
+        **({"doubts": list(doubts)} if doubts else {}),
         "segments": [[synergy.start, synergy.stop] for synergy in synergies],
         "synergies": [_encode(synergy) for synergy in synergies],
     }
@@ -387,6 +391,7 @@ def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
             return lambda t: path(np.clip(law(t - each.start_time) / length, 0.0, 1.0))
 
         motion = motion_in_spans(spans, [followed(each) for each in synergies], names)
+    motion = replace(motion, doubts=record.doubts)
     return SavedSynergies(motion, spans, record.model.name, record.model.height)
 
 

@@ -106,6 +106,8 @@ class Motion:
         trunk: pose of the thorax at the samples, its origin midway between the shoulders, in a
             space with z up; or None.
         outliers: samples that were found to be no motion, see `without_outliers`.
+        doubts: why the motion may not be what was recorded, as phrases, such as those of a fit to
+            markers; results that rest on the motion repeat them.
 
     Raises:
         ValueError: shapes that do not match, values that are not finite, or time that does not
@@ -121,6 +123,7 @@ class Motion:
     filter: MotionFilter | None = None
     trunk: FrameMotion | None = None
     outliers: tuple[Outlier, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         time, q = real_array(self.time, "time"), real_array(self.q, "q")
@@ -180,6 +183,11 @@ class Motion:
     def rate(self) -> float:
         """Mean sampling rate [Hz]."""
         return (len(self) - 1) / self.duration
+
+    @property
+    def caveat(self) -> str:
+        """The doubts as a sentence; empty if there are none."""
+        return f"Doubtful: {'; '.join(self.doubts)}." if self.doubts else ""
 
     # -- as a curve, for parallel transport ----------------------------------------------------
 

@@ -7,15 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy
-from marked_motion import HEIGHT, angles, marked, placed, walk
-
-import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.fit_markers import fit_markers
-from geodesic_ocp.recordings.markers.marker_set import (
+from marked_motion import (
+    HEIGHT,
     JOINT_CENTRES,
     MMM_MARKERS,
     PLUG_IN_GAIT_MARKERS,
+    angles,
+    marked,
+    placed,
+    walk,
 )
+
+import geodesic_ocp as go
+from geodesic_ocp.drawing.recording_scenes import fitted_positions
+from geodesic_ocp.recordings.markers.fit_markers import fit_markers
+from geodesic_ocp.recordings.markers.marker_set import marker_sets
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.tables import text
 
@@ -59,6 +65,61 @@ def test_centres_of_joints_tell_the_lengths_and_so_the_height() -> None:
     assert fit.lengths["right upper arm"] == pytest.approx(0.188 * HEIGHT, rel=0.003)
     assert fit.lengths["right forearm"] == pytest.approx(0.145 * HEIGHT, rel=0.003)
     assert "proportions" in fit.height_from
+
+
+OPEN = {"REz_joint", "RWx_joint", "RWy_joint"}  # without a point of the hand beside the wrist
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "undetermined"),
+    [
+        ("joint centres", set()),
+        ("HALPE_26", set()),
+        ("BODY_25", OPEN),
+        ("COCO-17", OPEN),
+        ("MediaPipe", set()),
+        ("OpenCap", OPEN - {"REz_joint"}),
+        ("Rajagopal", OPEN - {"REz_joint"}),
+        ("IOR", set()),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:the fit of the markers is doubtful")
+def test_known_sets_give_the_angles_of_an_arm_on_a_thorax(
+    name: str, undetermined: set[str]
+) -> None:
+    """They are told by the names of their markers; angles that these leave open are named."""
+    arm, time = go.human_arm("right", HEIGHT), np.arange(20) / 20.0
+    q = angles(arm, time)
+    markers = marked(arm, q, time, marker_sets()[name])
+    fit = fit_markers(arm, markers, estimate=(), height=HEIGHT)
+    assert fit.marker_set == name
+    assert set(fit.undetermined) == undetermined
+    known = [joint not in undetermined for joint in arm.joint_names]
+    assert np.abs(fit.motion.q - q)[:, known].max() < 0.02
+    assert fit.motion.trunk is not None
+    assert np.abs(fit.motion.trunk.positions - walk(time).positions).max() < 0.002
+
+
+@pytest.mark.slow
+def test_two_shoulders_and_the_neck_carry_an_arm() -> None:
+    """Or two shoulders and a hip; their distance is found, as are the lengths of the arm."""
+    arm, time = go.human_arm("right", HEIGHT), np.arange(60) / 30.0
+    q = angles(arm, time)
+    markers = marked(arm, q, time, JOINT_CENTRES)
+    for left_out in ({"right hip", "left hip"}, {"neck", "left hip"}):
+        kept = [k for k, name in enumerate(markers.names) if name not in left_out]
+        names = tuple(markers.names[k] for k in kept)
+        some = Markers(time, names, markers.positions[:, kept])
+        fit = fit_markers(go.human_arm("right", 1.7), some)
+        assert fit.height == pytest.approx(HEIGHT, rel=0.02)
+        assert fit.lengths["shoulder half width"] == pytest.approx(0.110 * HEIGHT, rel=0.01)
+        assert np.sqrt(np.mean((fit.motion.q - q) ** 2)) < 0.05
+        away = np.linalg.norm(fitted_positions(fit) - some.positions, axis=2)
+        np.testing.assert_allclose(away, fit.errors, atol=1e-9)
+    names = ("right shoulder", "left shoulder", "right elbow")
+    with pytest.raises(ValueError, match="such as both shoulders and the neck or a hip"):
+        fit_markers(arm, Markers(time, names, markers.positions[:, :3]))
 
 
 @pytest.mark.slow

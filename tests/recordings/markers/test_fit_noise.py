@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy
-from marked_motion import HEIGHT, angles, placed
+from marked_motion import HEIGHT, MMM_MARKERS, angles, placed
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
-from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
 
 

@@ -26,6 +26,7 @@ def test_derivatives_are_those_of_the_objective() -> None:
         random.normal(0.0, 0.1, (3, 3)),
         np.array([0.01, 0.0, 0.02]),
         (),
+        {},
     )
     problem = FitProblem(body, chosen, KnownHeight(1.0, 0.1, ""), FitSettings())
     program = problem.program(time, observed, np.zeros(7, dtype=bool))

@@ -7,13 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from marked_motion import HEIGHT, angles, marked
+from marked_motion import HEIGHT, MMM_MARKERS, angles, marked
 from small_recordings import MARKER_TABLE, TRC
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
-from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
-from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
+from geodesic_ocp.recordings.markers.fit_program import kept_weights
+from geodesic_ocp.recordings.markers.markers import (
+    Axis,
+    Markers,
+    check_plausible_size,
+    frozen_samples,
+    with_z_up,
+)
 from geodesic_ocp.recordings.read_recording import read_markers, read_recording
 from geodesic_ocp.tables import text
 
@@ -68,9 +74,10 @@ def test_a_person_may_lie_if_that_is_said(walker: Markers) -> None:
 @pytest.mark.slow
 def test_a_stray_marker_of_the_thorax_does_not_lay_a_person_down(walker: Markers) -> None:
     positions = walker.positions.copy()
-    positions[:, walker.names.index("C7")] = 0.0
+    positions[:, walker.names.index("C7")] += [0.0, 1.5, -1.0]
     arm = go.human_arm("right", HEIGHT)
-    fit = fit_markers(arm, replace(walker, positions=positions), estimate=())
+    with pytest.warns(RuntimeWarning, match="C7 is 18.. mm from its place for 100% of the time"):
+        fit = fit_markers(arm, replace(walker, positions=positions), estimate=())
     assert {each.marker for each in fit.lost} == {"C7"}
     assert fit.typical_error < 0.001
 
@@ -148,6 +155,67 @@ def test_a_height_that_no_adult_has_is_not_believed(walker: Markers) -> None:
         fit_markers(go.human_arm("right", HEIGHT), tall)
     fit = fit_markers(go.human_arm("right", HEIGHT), tall, height=1.5 * HEIGHT)
     assert fit.height == pytest.approx(1.5 * HEIGHT)
+
+
+@pytest.mark.slow
+def test_markers_that_the_fit_rejects_determine_nothing(walker: Markers) -> None:
+    """As if they were missing, when other points carry the names of the hand's markers."""
+    columns = [walker.names.index(name) for name in ("RHTS", "RHPS", "RIFD")]
+    elsewhere, missing = walker.positions.copy(), walker.positions.copy()
+    elsewhere[:, columns] = walker.positions[:, [0, 1, 2]] - [0.0, 0.0, 1.0]
+    missing[:, columns] = np.nan
+    arm, fits = go.human_arm("right", HEIGHT), []
+    for positions in (elsewhere, missing):
+        with pytest.warns(RuntimeWarning, match="do not determine RWx_joint, RWy_joint"):
+            fits.append(fit_markers(arm, replace(walker, positions=positions), estimate=()))
+    assert fits[0].undetermined == fits[1].undetermined
+    assert {each.marker for each in fits[0].lost} == {"RHTS", "RHPS", "RIFD"}
+    assert sum("for 100% of the time" in each for each in fits[0].doubts) == 3
+    assert fits[0].motion.doubts == fits[0].doubts
+    np.testing.assert_allclose(fits[0].motion.q[:, :5], fits[1].motion.q[:, :5], atol=1e-3)
+
+
+@pytest.mark.slow
+def test_the_markers_of_another_person_are_not_fitted(walker: Markers) -> None:
+    """Not even if they are the only ones of the hand."""
+    names = [f"Bob:{n}" if n in ("RHTS", "RHPS", "RIFD") else f"Ann:{n}" for n in walker.names]
+    both = replace(walker, names=tuple(names))
+    with pytest.warns(RuntimeWarning, match=r"Ann is taken, not Bob|RWx_joint, RWy_joint") as told:
+        fit = fit_markers(go.human_arm("right", HEIGHT), both, estimate=())
+    assert len(told) == 2
+    assert len(fit.names) == len(names) - 3
+    assert fit.motion.subject.name == "Ann"
+
+
+@pytest.mark.slow
+def test_doubts_of_size_and_distance(walker: Markers) -> None:
+    """A height that no adult has, if it is estimated, and markers that are far away on average."""
+    tall = replace(walker, positions=2.1 / HEIGHT * walker.positions)
+    with pytest.warns(RuntimeWarning, match=r"the body height would be 2\.1\d m, from lengths"):
+        fit = fit_markers(go.human_arm("right", HEIGHT), tall)
+    assert fit.height == pytest.approx(2.1, rel=0.03)
+    given = replace(fit, height_estimated=False)
+    assert given.doubts == ()
+    errors = np.full(fit.errors.shape, 0.001)
+    errors[:12, [0, 1, -2, -1]] = 1.0
+    apart = replace(given, errors=errors, weights=kept_weights(errors, 0.03))
+    assert apart.doubts == ("markers are 95 mm from their places on average",)
+
+
+def test_a_position_that_is_held_is_no_measurement() -> None:
+    """A forearm of closed form turns; one of its markers is held for 70 % of the time."""
+    time = np.arange(101) / 50.0
+    axes = np.stack([np.cos(time), np.sin(time), 0.0 * time], axis=1)
+    elbow = np.zeros((time.size, 3))
+    points = np.stack([elbow, 0.2 * axes, 0.25 * axes], axis=1)
+    assert not frozen_samples(points, [0, 3, 3], 0.03).any()
+    points[30:, 2] = points[30, 2]
+    held = frozen_samples(points, [0, 3, 3], 0.03)
+    assert held[:, 2].mean() == pytest.approx(71 / 101)
+    assert not held[:, :2].any()
+    # Without another marker on the segment, the nearest one moves away from the one that is held.
+    assert np.array_equal(frozen_samples(points, [0, 3, 5], 0.03), held)
+    assert not frozen_samples(np.repeat(points[30:31], time.size, axis=0), [0, 3, 3], 0.03).any()
 
 
 @pytest.mark.slow

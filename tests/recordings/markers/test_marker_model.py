@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from marked_motion import MMM_MARKERS
 
 import geodesic_ocp as go
 from geodesic_ocp.model.adjustable_lengths import joint_poses, with_lengths
@@ -17,7 +18,7 @@ from geodesic_ocp.recordings.markers.chosen_markers import rigid_poses, standing
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.fit_program import roughness
 from geodesic_ocp.recordings.markers.marker_fit import lost_markers
-from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MMM_MARKERS, MarkerSet
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet, marker_sets
 from geodesic_ocp.recordings.markers.markers import Markers
 
 
@@ -152,12 +153,12 @@ def test_marker_sets_ignore_case_and_the_subject_s_name() -> None:
         "Anna:c7": "C7",
         "R_SHO": "RSHO",
     }
-    for known in MARKER_SETS:
-        for name, (segment, offset) in known.places.items():
-            if "right" in segment:  # mirrored on the left
-                other = "L" + name[1:] if name[0] == "R" else name.replace("right", "left")
-                x, y, z = offset
-                assert known.places[other] == (segment.replace("right", "left"), (-x, y, z))
+    for known in marker_sets().values():
+        assert known.source
+        for segment, (x, y, z) in known.places.values():
+            if "right" in segment:
+                mirrored = (segment.replace("right", "left"), (-x, y, z))
+                assert mirrored in known.places.values()
 
 
 def test_wrong_marker_sets_are_refused() -> None:

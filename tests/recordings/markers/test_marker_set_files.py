@@ -9,6 +9,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.marker_set import as_marker_set
+from geodesic_ocp.recordings.recording_settings import RecordingSettings
 
 RECORD = {
     "name": "laboratory",
@@ -44,6 +45,15 @@ def test_mistakes_are_named(tmp_path: Path, changes: dict[str, object], message:
     with pytest.raises(go.RecordingError, match=message) as failure:
         as_marker_set(file)
     assert str(failure.value).startswith(str(file))
+
+
+def test_known_sets_are_named() -> None:
+    known = as_marker_set("HALPE_26")
+    assert known is not None
+    assert known.places["RWrist"] == ("right hand", (0.0, 0.0, 0.0))
+    assert RecordingSettings(marker_set="HALPE_26").reading()["marker_set"] == "HALPE_26"
+    with pytest.raises(ValueError, match="marker_set, which is no file, must be one of BODY_25, "):
+        RecordingSettings(marker_set="HALPE")
 
 
 def test_a_number_is_no_marker_set() -> None:

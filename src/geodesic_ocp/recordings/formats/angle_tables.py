@@ -259,11 +259,15 @@ def mapped(motion: Motion, columns: Any, joints: Sequence[str] | None) -> Motion
     return Motion(raw.time, q, tuple(wanted), subject=motion.subject)
 
 
+_DOUBTS = "# doubts: "
+_BETWEEN = "; "
+
+
 def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
     """Write a motion as the table (CSV) that `read_motion` reads, with all digits.
 
-    Time in s, joint coordinates in rad or m, and what is known of the subject. Velocities, the
-    coordinates before filtering, and the pose of the trunk are not written.
+    Time in s, joint coordinates in rad or m, what is known of the subject, and doubts about the
+    motion. Velocities, the coordinates before filtering, and the pose of the trunk are not written.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -291,6 +295,14 @@ def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
     lines = [f"# {key}: {value}" for key, value in notes.items() if value is not None]
     if subject.name:
         lines.append(f"# subject: {' '.join(subject.name.split())}")
+    if motion.doubts:
+        lines.append(_DOUBTS + _BETWEEN.join(" ".join(each.split()) for each in motion.doubts))
     rows = np.column_stack([motion.time, motion.q]).tolist()
     table = new_table(("time", *motion.joint_names), rows).to_csv()
     return write_file(file, "\n".join([*lines, table]))
+
+
+def noted_doubts(file: Path) -> tuple[str, ...]:
+    """Return the doubts about its motion that `save_motion` wrote into a table."""
+    found = [line for line in read_lines(file) if line.startswith(_DOUBTS)]
+    return tuple(found[0].removeprefix(_DOUBTS).strip().split(_BETWEEN)) if found else ()

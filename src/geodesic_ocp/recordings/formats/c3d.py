@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 import struct
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.text_lines import LENGTHS, named_failures
-from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
+from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.markers.people import distinct_labels
 from geodesic_ocp.trajectory.motion import Subject
 
 BLOCK = 512
@@ -63,18 +65,44 @@ class C3dHeader:
             return None
         return float(np.array([1.0, 65536.0])[:words] @ values[:words])
 
+    def held_frames(self, content: bytes) -> int:
+        """Return the number of frames up to the last byte that is not zero.
+
+        Zeros fill up the last block of a file.
+        """
+        written = len(content.rstrip(b"\0")) - self.data
+        return max(0, min(-(-written // self.frame_size), self.room(content)))
+
+    def room(self, content: bytes) -> int:
+        """Return the number of whole frames for which the content of the file is long enough."""
+        return max(len(content) - self.data, 0) // self.frame_size
+
     @property
-    def frames(self) -> int:
-        """Number of frames; in long files it is in parameters, as the header has 16 bits."""
+    def frame_size(self) -> int:
+        """Bytes of a frame."""
+        return (4 * self.points + self.analog) * (4 if self.scale < 0.0 else 2)
+
+    def frames(self, content: bytes) -> int:
+        """Return the number of frames.
+
+        The header has 16 bits for it, which programs let saturate or overflow in long files. Then
+        the number is in parameters, or follows from the size of the file.
+        """
         count = self.last - self.first + 1
+        held = self.held_frames(content)
+        if held > 0 and (held - count) % (_SATURATED + 1) == 0:
+            return held
         if self.first <= self.last < _SATURATED:
             return count
         start = self.number("TRIAL", "ACTUAL_START_FIELD", 2)
         end = self.number("TRIAL", "ACTUAL_END_FIELD", 2)
         if start is not None and end is not None:
             return int(end - start) + 1
-        long = self.number("POINT", "LONG_FRAMES")
-        return int(long) if long is not None and math.isfinite(long) else count
+        stated = (self.number("POINT", name) for name in ("LONG_FRAMES", "FRAMES"))
+        long = [each for each in stated if each is not None and _SATURATED < each < math.inf]
+        if long:
+            return int(long[0])
+        return held if self.last == _SATURATED else count
 
 
 def read_c3d_header(content: bytes) -> C3dHeader:
@@ -190,7 +218,7 @@ def read_c3d(file: Path) -> Markers:
             if segments := header.strings("ROTATION", "LABELS"):
                 only = f", only rotations of {', '.join(segments[:_SHOWN])}, which are not read"
             raise RecordingError(f"has no markers{only}")
-        _check_counts(header, len(content))
+        _check_counts(file, header, content)
         unit = next(iter(header.strings("POINT", "UNITS")), "")
         if unit.lower() not in LENGTHS:
             raise RecordingError(f"POINT:UNITS must be m, cm or mm, is {unit!r}")
@@ -202,23 +230,28 @@ def read_c3d(file: Path) -> Markers:
         }
         if not labels:
             raise RecordingError(f"none of its {header.points} points has a marker's label")
-        names, subject = without_prefix(list(labels.values()))
+        names = distinct_labels(file, list(labels.values()))
         subjects = header.strings("SUBJECTS", "NAMES")
         points = _points(header, content)[:, list(labels)]
         positions, residuals = points[:, :, :3], points[:, :, 3]
         missing = (residuals < 0.0) | ((residuals == 0.0) & np.all(positions == 0.0, axis=2))
         positions = np.where(missing[:, :, None], np.nan, LENGTHS[unit.lower()] * positions)
-        time = np.arange(header.frames) / header.rate
-        person = Subject(name=subjects[0] if len(subjects) == 1 else subject)
+        time = np.arange(len(points)) / header.rate
+        person = Subject(name=subjects[0] if len(subjects) == 1 else "")
         return Markers(time, tuple(names), positions, person)
 
 
-def _check_counts(header: C3dHeader, size: int) -> None:
-    """Raise RecordingError if header and parameters differ, or count too many frames."""
-    for what, count, name in (
-        ("points", header.points, "USED"),
-        ("frames", header.frames, "FRAMES"),
-    ):
+def _check_counts(file: Path, header: C3dHeader, content: bytes) -> None:
+    """Check that header, parameters and size of the file agree.
+
+    Raises:
+        RecordingError: header and parameters differ, or count too many frames.
+
+    Warns:
+        RuntimeWarning: they count fewer frames than the file holds.
+    """
+    frames = header.frames(content)
+    for what, count, name in (("points", header.points, "USED"), ("frames", frames, "FRAMES")):
         stated = header.number("POINT", name)
         if stated is not None and count < _SATURATED and stated != count:
             raise RecordingError(
@@ -229,20 +262,21 @@ def _check_counts(header: C3dHeader, size: int) -> None:
         raise RecordingError(
             f"is broken: the rate is {header.rate:g} Hz in the header, {rate:g} Hz in POINT:RATE"
         )
-    held = max(size - header.data, 0) // _frame_size(header)
-    if header.frames < 1:
+    room = header.room(content)
+    held = header.held_frames(content)
+    if frames < 1:
         raise RecordingError(
             f"the header is broken: it counts frames {header.first} to {header.last}"
         )
-    if header.frames > held:
-        raise RecordingError(
-            f"is cut off: the header counts {header.frames} frames, there are {held}"
+    if frames > room:
+        raise RecordingError(f"is cut off: the header counts {frames} frames, there are {room}")
+    if frames < held:
+        warnings.warn(
+            f"{file}: its header counts {frames} frames, which are read, but the file has room for "
+            f"{held}: is it that of another file?",
+            RuntimeWarning,
+            stacklevel=4,
         )
-
-
-def _frame_size(header: C3dHeader) -> int:
-    """Return bytes of a frame."""
-    return (4 * header.points + header.analog) * (4 if header.scale < 0.0 else 2)
 
 
 def _points(header: C3dHeader, content: bytes) -> Array:
@@ -250,14 +284,15 @@ def _points(header: C3dHeader, content: bytes) -> Array:
 
     The residual, with the mask of cameras in its other byte, is only compared with zero.
     """
-    raw = content[header.data : header.data + header.frames * _frame_size(header)]
+    frames = header.frames(content)
+    raw = content[header.data : header.data + frames * header.frame_size]
     words = (
         floats(raw, header.order, header.is_dec)
         if header.scale < 0.0
         else np.frombuffer(raw, f"{header.order}i2").astype(float)
     )
-    frames = words.reshape(header.frames, -1)[:, : 4 * header.points]
-    points = frames.reshape(header.frames, header.points, 4).copy()
+    own = words.reshape(frames, -1)[:, : 4 * header.points]
+    points = own.reshape(frames, header.points, 4).copy()
     if header.scale > 0.0:
         points[:, :, :3] *= header.scale
     return points

@@ -45,6 +45,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
     read_lines,
 )
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.markers.people import distinct_labels
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
@@ -332,7 +333,7 @@ def read_trc(file: Path) -> Markers:
         names = [name for _, name in named]
         if not named:
             raise RecordingError("line 4 names no markers")
-        check_names("line 4", names)
+        names = distinct_labels(file, names)
         apart = all((index - 2) % 3 == 0 for index, _ in named) and len(cells) > len(names) + 2
         if not apart and any(index != place for place, (index, _) in enumerate(named, start=2)):
             raise RecordingError("line 4: the names of markers must be three columns apart")

@@ -54,7 +54,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
     numbers,
     read_lines,
 )
-from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
+from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
 from geodesic_ocp.records import read_structured
 from geodesic_ocp.trajectory.motion import Motion, Subject
@@ -67,10 +67,9 @@ _rows = partial(read_rows, expected="{} are needed", blank=" ")
 
 
 def _markers(rows: Rows, time: Array, labels: Sequence[str], positions: Array) -> Markers:
-    """Return positions (k, m, 3) [m] of markers, whose labels may name the subject."""
-    names, subject = without_prefix(labels)
+    """Return positions (k, m, 3) [m] of markers."""
     check_whole(rows, labels, positions)
-    return Markers(time, tuple(names), positions, Subject(name=subject))
+    return Markers(time, tuple(labels), positions)
 
 
 def read_vicon(file: Path) -> Markers:

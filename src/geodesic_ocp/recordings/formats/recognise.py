@@ -165,7 +165,7 @@ class Format:
 
 
 _SKELETON = ("convention", "skeleton", "rate", "unit", "up")
-_MARKERS = ("up", "marker_set")
+_MARKERS = ("up", "marker_set", "person")
 _TABLE = ("columns", "fill", "part")
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -27,6 +28,12 @@ _CARRIERS = {"upper arm": "Sy", "elbow": "Ex", "forearm": "Ez", "hand": "Wy"}
 _LENGTHS = {"upper arm": "Ex", "forearm": "Wx"}
 SHOULDERS = "shoulder half width"
 _SIDES = {"right": "R", "left": "L"}
+_TRUNK = ("thorax", "abdomen", "pelvis", "trunk", "right shoulder", "left shoulder")
+
+
+def on_trunk(segment: str) -> bool:
+    """Return whether this is a segment of a person's trunk, shoulders included."""
+    return segment in _TRUNK
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +47,14 @@ class Attachment:
     rotation: Array = field(default_factory=lambda: np.eye(3))
     origin: Array = field(default_factory=lambda: np.zeros(3))
     length: int | None = None  # index of the length along which the segment's z axis is scaled
+    # sides of the shoulder's half width by which the point is moved along x: 1, -1 or 0
+    across: float = 0.0
+
+
+def _above_pelvis() -> float:
+    """Return height of the shoulders above the pelvis' origin, as a fraction of body height."""
+    segments = trunk()
+    return segments.pelvis + segments.abdomen.length + segments.thorax.length
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +145,16 @@ class MarkedBody:
             if self._has(joint):
                 length = self.lengths.index(segment) if segment in self.lengths else None
                 return Attachment(joint_index(self.model, joint), length=length)
-            if segment == "thorax" and self.lone_side:
-                return Attachment(-1)
-            if segment == "pelvis" and self._has("BPx_joint"):
+            if part == "shoulder" and self._has(f"{_SIDES.get(side)}Sx_joint"):
+                return Attachment(joint_index(self.model, f"{_SIDES[side]}Sx_joint"))
+            if self.lone_side and segment in ("thorax", "trunk", "right shoulder", "left shoulder"):
+                below = np.array([0.0, 0.0, -_above_pelvis() * self.height])
+                return Attachment(
+                    joint=-1,
+                    origin=below if segment == "trunk" else np.zeros(3),
+                    across=-1.0 if part == "shoulder" else 0.0,
+                )
+            if segment in ("pelvis", "trunk") and self._has("BPx_joint"):
                 return Attachment(0)
         if self.model.pin.existFrame(segment):
             return Attachment(*frame_place(self.model, segment))
@@ -163,12 +185,25 @@ class MarkedBody:
         for place, offset in zip(attachments, ca.horzsplit(offsets), strict=True):
             common, *_ = stretch = self.stretch(place, lengths)
             own = ca.SX(place.rotation) @ (ca.vertcat(*stretch) * offset) + common * place.origin
+            own += place.across * base
             if place.joint >= 0:
                 rotation, position = poses[place.joint]
                 own = base + position + rotation @ own
             points.append(own)
         positions: ca.SX = ca.horzcat(*points)
         return positions
+
+    def trunk_points(self, segments: Sequence[str], offsets: Array) -> Array:
+        """Return positions (m, 3) [m] of points at offsets (m, 3) [m] of a person who stands
+        upright.
+
+        Args:
+            segments: segments of the trunk that they are fixed to.
+        """
+        places = [self.attachment(segment) for segment in segments]
+        lengths = ca.SX.ones(max(1, len(self.lengths)))
+        points = self.points(ca.SX(self.model.dof, 1), lengths, places, ca.SX(offsets.T))
+        return np.asarray(ca.evalf(points).full().T)
 
     def scaled(self, lengths: Array) -> Model:
         """Return the model with these lengths, relative to those that it has."""

@@ -10,9 +10,9 @@ import scipy
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.recordings.markers.body import MarkedBody
-from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MarkerSet
-from geodesic_ocp.recordings.markers.markers import Markers, evenly
+from geodesic_ocp.recordings.markers.body import MarkedBody, on_trunk
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet, marker_sets
+from geodesic_ocp.recordings.markers.markers import Markers, evenly, frozen_samples
 
 Base = Literal["fixed", "free"]
 
@@ -52,21 +52,30 @@ class ChosenMarkers:
     places: Array  # on these segments, at the height of the body's model (m, 3) [m]
     uncertainty: Array  # uncertainty of the places (m,) [m]
     left_out: tuple[str, ...]  # names of the recording that are not used
+    # share of the samples that `frozen_samples` names, by marker; missing in `observed`
+    frozen: dict[str, float]
 
 
 def choose_markers(
-    body: MarkedBody, positions: Markers, marker_set: MarkerSet | None, height_factor: float
+    body: MarkedBody,
+    positions: Markers,
+    marker_set: MarkerSet | None,
+    *,
+    height_factor: float,
+    outlier: float,
 ) -> ChosenMarkers:
-    """Return the markers that a set, or of the known sets the one with most of them, places on the
-    body.
+    """Return the markers that a set, or of the known sets the one with most of them on the arms,
+    places on the body.
 
-    Offsets in metres are divided by `height_factor`, by which the body is to be scaled.
+    Offsets in metres are divided by `height_factor`, by which the body is to be scaled. Positions
+    that are held, see `frozen_samples`, are missing.
 
     Raises:
         ValueError: no marker is seen at all; the set has no marker of the recording on this body;
             or it gives offsets as fractions of a height that the model does not have.
     """
-    candidates = [marker_set] if marker_set is not None else [*MARKER_SETS, _frames(body)]
+    known = [*marker_sets().values(), _frames(body)]
+    candidates = [marker_set] if marker_set is not None else known
     if body.height is None:
         if marker_set is not None and marker_set.unit == "height":
             raise ValueError(
@@ -84,23 +93,38 @@ def choose_markers(
         found = used.matching(names)
         return {name: each for name, each in found.items() if body.has(used.places[each][0])}
 
-    match, used = max(((on_body(each), each) for each in candidates), key=lambda pair: len(pair[0]))
+    def fitness(match: dict[str, str], used: MarkerSet) -> tuple[int, int, int]:
+        """Return how many markers are on the arms, and in all, and how many are named literally."""
+        on_arms = sum(not on_trunk(used.places[each][0]) for each in match.values())
+        return on_arms, len(match), sum(name == each for name, each in match.items())
+
+    matches = [(on_body(each), each) for each in candidates]
+    match, used = max(matches, key=lambda pair: fitness(*pair))
     if not match:
-        known = marker_set.name if marker_set is not None else "the known marker sets"
+        wanted = ", ".join(each.name for each in candidates)
         raise ValueError(
-            f"none of the markers {', '.join(positions.names[:20])} is one of {known} on "
+            f"none of the markers {', '.join(positions.names[:20])} is one of {wanted} on "
             f"{body.model.name!r}; say where they are with marker_set=MarkerSet(...), "
             "or in a file (--marker-set)"
         )
     unit = float(body.height or 0.0) if used.unit == "height" else 1.0 / height_factor
+    observed = positions.positions[:, [positions.names.index(name) for name in match]]
+    segments = [used.places[marker][0] for marker in match.values()]
+    carriers = [body.attachment(segment).joint for segment in segments]
+    standing = frozen_samples(observed, carriers, outlier)
+    observed = np.where(standing[:, :, None], np.nan, observed)
+    shares = dict(zip(match, standing.mean(axis=0).tolist(), strict=True))
+    kept = np.flatnonzero(~np.isnan(observed).all(axis=(0, 2)))
+    markers = [list(match.values())[column] for column in kept]
     return ChosenMarkers(
-        used.name,
-        tuple(match),
-        positions.positions[:, [positions.names.index(name) for name in match]],
-        tuple(used.places[marker][0] for marker in match.values()),
-        unit * np.array([used.places[marker][1] for marker in match.values()]),
-        np.array([used.uncertainty_of(marker) for marker in match.values()]),
-        tuple(name for name in positions.names if name not in match),
+        set_name=used.name,
+        names=tuple(list(match)[column] for column in kept),
+        observed=observed[:, kept],
+        segments=tuple(segments[column] for column in kept),
+        places=unit * np.array([used.places[marker][1] for marker in markers]),
+        uncertainty=np.array([used.uncertainty_of(marker) for marker in markers]),
+        left_out=tuple(name for name in positions.names if name not in match),
+        frozen={name: share for name, share in shares.items() if share > 0.0},
     )
 
 
@@ -140,6 +164,7 @@ class KnownHeight:
     factor: float  # from the model's height to the person's
     spread: float  # standard deviation of the factor that is estimated; 0 if the factor is kept
     origin: str  # where it was taken from, in words
+    estimated: bool = False  # whether it is taken from the markers
 
 
 def known_height(
@@ -166,14 +191,18 @@ def known_height(
     if not settings.lengths:
         return KnownHeight(1.0, 0.0, "of the model")
     if settings.base == "free" and (standing := standing_height(positions)) is not None:
-        return KnownHeight(standing / body.height, 0.0, "from the markers of head and feet")
-    return KnownHeight(1.0, _HEIGHT_SPREAD, "from lengths of segments, by the model's proportions")
+        origin = "from the markers of head and feet"
+        return KnownHeight(standing / body.height, 0.0, origin, estimated=True)
+    origin = "from lengths of segments, by the model's proportions"
+    return KnownHeight(1.0, _HEIGHT_SPREAD, origin, estimated=True)
 
 
 _RIGID = 0.03  # root mean square distance of the markers of a segment from a rigid body at most [m]
 _FRAMES = 200  # that are considered
 _LEANING = 60.0  # angle of the trunk from the vertical, in the mean over time, that is asked about
-_BETTER = 0.5  # share of their distances from a rigid trunk, below which markers are mirrored
+# Root mean square distance of points from a line, up to which they count as in line [m]: keypoints
+# of video have errors of this size.
+_IN_LINE = 0.01
 
 
 def _in_three(points: Array) -> NDArray[np.int64]:
@@ -257,7 +286,8 @@ def rigid_poses(places: Array, observed: Array, time: Array) -> tuple[Array, Arr
     if not known.size:
         raise ValueError(
             "base='free' needs three markers of the thorax (of the model's base) in one frame at "
-            "least, not in line; give positions in the base's axes and base='fixed' otherwise"
+            "least, not in line, such as both shoulders and the neck or a hip; give positions in "
+            "the base's axes and base='fixed' otherwise"
         )
     if known.size == 1:
         return np.repeat(rotations, time.size, 0), np.repeat(positions, time.size, 0)
@@ -268,7 +298,13 @@ def rigid_poses(places: Array, observed: Array, time: Array) -> tuple[Array, Arr
     return turning(at).as_matrix(), moving(at)
 
 
-def check_trunk(chosen: ChosenMarkers, *, ask_up: bool) -> None:
+def is_in_line(places: Array) -> bool:
+    """Return whether points (m, 3) [m] say nothing of the rotation about some line."""
+    _, sizes, _ = np.linalg.svd(places - places.mean(axis=0))
+    return bool(sizes[1] < _IN_LINE * np.sqrt(len(places)))
+
+
+def check_trunk(body: MarkedBody, chosen: ChosenMarkers, *, ask_up: bool) -> None:
     """Check the markers of the thorax or, without three of them, the pelvis.
 
     Args:
@@ -278,17 +314,25 @@ def check_trunk(chosen: ChosenMarkers, *, ask_up: bool) -> None:
         ValueError: the trunk is more than 60 deg from the vertical, in the mean over time; or its
             markers are those of a mirrored person.
     """
-    for segment in ("thorax", "pelvis"):
-        columns = np.flatnonzero([each == segment for each in chosen.segments])
+    pelvis = {"pelvis", "trunk"}
+    thorax = {"thorax", "right shoulder", "left shoulder"} | (pelvis if body.lone_side else set())
+    segment = "thorax"
+    columns = np.flatnonzero([each in thorax for each in chosen.segments])
+    rows = _in_three(chosen.observed[:, columns])
+    if not rows.size:
+        segment = "pelvis"
+        columns = np.flatnonzero([each in pelvis for each in chosen.segments])
         rows = _in_three(chosen.observed[:, columns])
-        if rows.size:
-            break
-    else:
+    if not rows.size:
         return
     rows = rows[evenly(rows.size, _FRAMES)]
-    places, points = chosen.places[columns], chosen.observed[np.ix_(rows, columns)]
+    points = chosen.observed[np.ix_(rows, columns)]
+    segments = [chosen.segments[column] for column in columns]
+    places = body.trunk_points(segments, chosen.places[columns])
+    if is_in_line(places):
+        return
     proper, mirrored = rigid_errors(places, points)
-    if proper > _RIGID and mirrored < _BETTER * proper:
+    if proper > _RIGID and mirrored < proper / 2:
         raise ValueError(
             f"positions: the markers of the {segment} are those of a mirrored person "
             f"({1e3 * proper:.0f} mm from a rigid {segment}, {1e3 * mirrored:.0f} mm from a "
@@ -312,5 +356,5 @@ def check_trunk(chosen: ChosenMarkers, *, ask_up: bool) -> None:
         raise ValueError(
             f"positions: the {segment} is {angle:.0f} deg from the vertical z, on average: is "
             f"{name} up? Then pass up={name!r} (--up {name}); pass up='z' if z is up and the "
-            "person lies"
+            "person lies. Or are right and left exchanged in the names?"
         )

@@ -17,123 +17,40 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.markers.body import MarkedBody
+from geodesic_ocp.recordings.markers.body import MarkedBody, on_trunk
 from geodesic_ocp.recordings.markers.chosen_markers import (
     Base,
     FitSettings,
     check_trunk,
     choose_markers,
+    is_in_line,
     known_height,
     rigid_poses,
     without_stray,
 )
-from geodesic_ocp.recordings.markers.fit_program import ROOT, FitProblem
-from geodesic_ocp.recordings.markers.marker_fit import (
-    DOUBTFUL,
-    MarkerFit,
-    check_fit,
+from geodesic_ocp.recordings.markers.fit_program import (
+    LOOSE_SPREAD,
+    LOST,
+    ROOT,
+    FitProblem,
+    kept_weights,
+)
+from geodesic_ocp.recordings.markers.fit_uncertainty import (
     constant_errors,
     fit_noise,
-    lost_markers,
     undetermined_joints,
 )
+from geodesic_ocp.recordings.markers.frame_search import FrameSearch
+from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit, check_fit, lost_markers
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet, as_marker_set
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
+from geodesic_ocp.recordings.markers.people import of_person
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
-_STARTS, _STEPS = 40, 60
-_ENOUGH = 1e-6  # relative decrease at which a frame's angles are good enough
-_PULL = 1e-2  # towards the start of a search, relative to the markers' weight
 _COARSE_STEP = 0.05  # [s]
 _WIDE = 0.2  # outlier size of the first solution, to which few markers are lost [m]
 _ROUGHLY, _CLOSELY = 1e-5, 1e-6  # tolerances
 _STEEP = 0.8  # sine of the root's angle in the middle, above which other axes are chosen
-# Parts of a person that hardly move in the root, if that has fewer than three markers.
-_TRUNK = ("pelvis", "abdomen", "thorax")
-
-
-@dataclass(frozen=True, eq=False)
-class FrameSearch:
-    """Angles of single frames by damped least squares (Levenberg, Marquardt) within the limits.
-
-    The shared variables are zero.
-    """
-
-    problem: FitProblem
-    outlier: float  # [m], see `fit_markers`
-
-    def nearest(self, start: Array, observed: Array) -> tuple[Array, float]:
-        """Return angles near a start (nz,) for observed positions (m, 3), their loss per marker
-        [m^2].
-        """
-        seen = ~np.isnan(observed[:, 0])
-        if not seen.any():
-            return start, np.inf
-        rows, wanted = np.repeat(seen, 3), np.nan_to_num(observed).ravel()
-        (lower, upper), pull = self.problem.limits, _PULL * self.problem.settings.noise**2
-        shared = np.zeros(self.problem.ns)
-        damping, best, z, trial = 1e-2, np.inf, start, start
-        for _ in range(_STEPS):
-            positions, slopes = self.problem.slopes(trial, shared)
-            residual = np.where(rows, positions.full()[:, 0] - wanted, 0.0)
-            squares = (residual.reshape(-1, 3) ** 2).sum(axis=1)
-            loss = float(np.sum(squares / (1.0 + squares / self.outlier**2)))
-            loss += pull * float(((trial - start) ** 2).sum())
-            if loss < best:
-                decrease, best, z = best - loss, loss, trial
-                if decrease < _ENOUGH * best:
-                    break
-                damping /= 3.0
-                jacobian, weight = slopes.full(), seen / (1.0 + squares / self.outlier**2) ** 2
-                weighted = jacobian.T * np.repeat(weight, 3)
-                matrix = weighted @ jacobian + pull * np.eye(z.size)
-                slope = weighted @ residual + pull * (z - start)
-            else:
-                damping *= 4.0
-                if damping > 1e6:
-                    break
-            size = damping * (1e-3 * np.trace(matrix) / z.size + np.diag(matrix))
-            # Joints at a bound that the step would cross are held.
-            held = ((z <= lower) & (slope > 0)) | ((z >= upper) & (slope < 0))
-            moving, change = np.flatnonzero(~held), np.zeros(z.size)
-            block = matrix[np.ix_(moving, moving)] + np.diag(size[moving])
-            change[moving] = -np.linalg.solve(block, slope[moving])
-            trial = np.clip(z + change, lower, upper)
-        return z, best / float(seen.sum())
-
-    def anew(self, z: Array, observed: Array, seed: int = 0) -> tuple[Array, float]:
-        """Return the best angles from many starts within the limits."""
-        random, first = np.random.default_rng(seed), self.problem.first_joint
-        low, high = np.clip(self.problem.limits[:, first:], -np.pi, np.pi)
-        found = []
-        for index in range(_STARTS):
-            # The first starts are near the middle of the ranges, where people's arms mostly are.
-            spread = min(1.0, 0.1 + index / _STARTS) * random.uniform(-1.0, 1.0, low.size)
-            joints = (low + high) / 2.0 + spread * (high - low) / 2.0
-            found.append(self.nearest(np.concatenate([z[:first], joints]), observed))
-        return min(found, key=lambda pair: pair[1])
-
-    def along(self, guesses: Array, observed: Array) -> Array:
-        """Return angles of frames (k, nz), each from its neighbour's, and anew where that is much
-        better.
-
-        `guesses` (k, nz) gives the root.
-        """
-        seen = ~np.isnan(observed[:, :, 0])
-        first = int(np.argmax(seen.sum(axis=1)))
-        result = guesses.copy()
-        result[first], loss = self.anew(guesses[first], observed[first])
-        typical = max(loss, self.problem.settings.noise**2)
-        of_root = slice(self.problem.first_joint)
-        for k in [*range(first + 1, len(guesses)), *range(first - 1, -1, -1)]:
-            start = result[k - 1 if k > first else k + 1].copy()
-            start[of_root] = guesses[k, of_root]
-            result[k], loss = self.nearest(start, observed[k])
-            if np.isfinite(loss) and loss > 10.0 * typical:
-                other, better = self.anew(start, observed[k], seed=k)
-                if better < 0.3 * loss:
-                    result[k] = other
-        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,15 +90,18 @@ def solve_fit(problem: FitProblem, time: Array, ipopt: dict[str, Any] | None) ->
     stages = [(rows, wide, _ROUGHLY), (rows, narrow, _ROUGHLY), (everything, narrow, _CLOSELY)]
     if rows.size == time.size:
         del stages[1]
-    program, iterations = problem.program(time[rows], observed[rows], loose), 0
+    iterations = 0
     for next_rows, outlier, tolerance in stages:
         if next_rows.size != rows.size:
-            program = problem.program(time[next_rows], observed[next_rows], loose)
             z = scipy.interpolate.make_interp_spline(time[rows], z, k=1)(time[next_rows])
             rows = next_rows
+        program = problem.program(time[rows], observed[rows], loose)
         outcome = program.solve(np.concatenate([z.ravel(), shared]), outlier, tolerance, ipopt)
         iterations += outcome.iterations
         z, shared = outcome.x[: z.size].reshape(z.shape), outcome.x[z.size :]
+        # A marker that lost its weight says nothing of the joints that carry it.
+        kept = kept_weights(problem.errors(z, shared, observed[rows]), narrow) >= LOST
+        loose = undetermined_joints(problem, z, shared, kept)
     if not outcome.success:
         raise NotConverged(f"no motion was fitted to the markers: {outcome.status}", outcome)
     return FittedVariables(problem, z, shared, loose, iterations)
@@ -203,10 +123,12 @@ def _root_start(problem: FitProblem, time: Array) -> tuple[FitProblem, Array]:
         return problem, z
     segments, observed = problem.chosen.segments, problem.chosen.observed
     carried = [problem.body.attachment(segment).joint <= 0 for segment in segments]
-    if sum(carried) < 3:
-        carried = [segment in _TRUNK for segment in segments]
-    columns = np.flatnonzero(carried)
     (places,) = problem.positions(problem.neutral[None], np.zeros(problem.ns))
+    columns = np.flatnonzero(carried)
+    # Parts of a person that hardly move in the root.
+    trunk = np.flatnonzero([on_trunk(segment) for segment in segments])
+    if trunk.size > columns.size and (columns.size < 3 or is_in_line(places[columns])):
+        columns = trunk
     columns = columns[without_stray(places[columns], observed[:, columns])]
     rotations, z[:, :3] = rigid_poses(places[columns], observed[:, columns], time)
     # The angle in the middle of three must stay away from 90 deg: its sine is the component of the
@@ -265,13 +187,16 @@ def fit_markers(
     Args:
         model: `human_arm`, `human_upper_body`, or any model with points on its frames.
         positions: positions of markers or joints, in a space with z up (see `up`), or for
-            base="fixed" in the axes and from the origin of the model's base.
-        marker_set: where the markers are, or a JSON or TOML file with the attributes of a
-            `MarkerSet`; None: of the Master Motor Map's set, that of Plug-in Gait, centres of
-            joints ("right elbow"), and frames of the model by name, the one that most names of the
-            recording belong to.
+            base="fixed" in the axes and from the origin of the model's base; of several people
+            (names with prefixes, as in "Ann:RSHO"), those of the first are taken.
+        marker_set: where the markers are: a set, a JSON or TOML file with its attributes, or the
+            name of a known one ("Master Motor Map", "Plug-in Gait", "Rajagopal", "IOR", "OpenCap",
+            "HALPE_26", "BODY_25", "COCO-17", "MediaPipe" or "joint centres", as in "right elbow").
+            None: of these and the frames of the model by name, the one with most markers on the
+            arms.
         base: "free" if the thorax (the pelvis of `human_upper_body`, the base of another model)
-            moves, which takes three markers on it, or "fixed".
+            moves, which takes three markers on it, such as both shoulders and the neck or a hip,
+            or "fixed".
         estimate: any of "lengths" (of upper arm, forearm and shoulders, and the body height if it
             is not known) and "offsets" (of markers from their places), which stay near those of
             model and marker set.
@@ -316,19 +241,26 @@ def fit_markers(
             f"positions must be Markers, got {type(positions).__name__}; give "
             "go.recordings.Markers(time, names, positions) of shape (samples, markers, 3), in m"
         )
+    positions = of_person(positions, None)
     check_plausible_size(positions)
     if up is not None:
         positions = with_z_up(positions, up)
     body = MarkedBody(model)
     known = known_height(body, positions, height, settings)
-    chosen = choose_markers(body, positions, as_marker_set(marker_set), known.factor)
+    chosen = choose_markers(
+        body,
+        positions,
+        as_marker_set(marker_set),
+        height_factor=known.factor,
+        outlier=settings.outlier,
+    )
     _check_times(positions.time)
     if base == "free" and body.height is not None:
-        check_trunk(chosen, ask_up=up is None)
+        check_trunk(body, chosen, ask_up=up is None)
     fitted = solve_fit(FitProblem(body, chosen, known, settings), positions.time, ipopt)
     fit = _marker_fit(fitted, positions, clock.perf_counter() - begin)
-    given = height is not None or positions.subject.height is not None
-    check_fit(fit, estimated=settings.lengths and not given)
+    check_fit(fit)
+    fit = replace(fit, motion=replace(fit.motion, doubts=fit.doubts))
     if fit.doubts:
         warnings.warn(DOUBTFUL + "; ".join(fit.doubts), RuntimeWarning, stacklevel=2)
     return fit
@@ -352,11 +284,18 @@ def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> 
     model = body.scaled(lengths)
     predicted = problem.positions(fitted.z, fitted.shared)
     errors = np.linalg.norm(predicted - chosen.observed, axis=2)
-    weights = 1.0 / (1.0 + (errors / problem.settings.outlier) ** 2) ** 2
+    weights = kept_weights(errors, problem.settings.outlier)
     constant = constant_errors(problem, time, fitted.z, fitted.shared, weights)
+    # Uncertain places of markers may give a lever to a joint of which they say nothing.
+    loose = fitted.loose | (constant > LOOSE_SPREAD)
     noise = fit_noise(
-        *(problem, time, fitted.z, fitted.shared),
-        *(predicted - chosen.observed, weights, fitted.loose),
+        problem,
+        time,
+        z=fitted.z,
+        shared=fitted.shared,
+        residuals=predicted - chosen.observed,
+        weights=weights,
+        loose=fitted.loose,
     )
     height = None if body.height is None else body.height * float(lengths[0])
     root = base = thorax = None
@@ -389,11 +328,13 @@ def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> 
         lengths=dict(named),
         height=height,
         height_from=problem.known.origin,
-        undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
+        height_estimated=problem.known.estimated,
+        undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(loose)),
         marker_set=chosen.set_name,
-        constant_errors=np.where(fitted.loose, np.nan, constant),
+        constant_errors=np.where(loose, np.nan, constant),
         noise=noise,
         left_out=chosen.left_out,
+        frozen=chosen.frozen,
         seconds=seconds,
         iterations=fitted.iterations,
     )

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.ipopt import Outcome
-from geodesic_ocp.recordings.markers.body import SHOULDERS, MarkedBody
+from geodesic_ocp.recordings.markers.body import SHOULDERS, MarkedBody, on_trunk
 from geodesic_ocp.recordings.markers.chosen_markers import ChosenMarkers, FitSettings, KnownHeight
 
 ROOT = 6  # coordinates of a root that moves
@@ -46,6 +46,22 @@ _ROUNDING = 1e-14
 # Of the barrier, summed over all variables with bounds: at first, and complementarity at the end.
 # Together the barriers of all frames pull at lengths and offsets.
 _BARRIER, _COMPLEMENTARITY = 1e-2, 1e-2
+
+
+LOST = 0.25  # weight below which a marker counts as lost: it is farther away than `outlier`
+
+
+def kept_weights(errors: Array, outlier: float) -> Array:
+    """Return the weights of markers (k, m), from 1 to 0, at distances from their fitted places.
+
+    It is the derivative of the loss by half the squared distance. NaN remains NaN.
+
+    Args:
+        errors: (k, m) [m], NaN where missing.
+        outlier: distance at which a marker keeps a quarter of its weight [m].
+    """
+    weights: Array = 1.0 / (1.0 + (errors / outlier) ** 2) ** 2
+    return weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +137,11 @@ class FitProblem:
     def _sought(self) -> NDArray[np.bool_]:
         """Which lengths are estimated: those between markers, and an unknown height."""
         segments = self.chosen.segments
-        on_arm = [each.startswith(("right", "left")) for each in segments]
-        found = {"height": self.known.spread > 0.0, SHOULDERS: any(on_arm) and not all(on_arm)}
+        # Both shoulders tell the distance between them, markers of trunk and arm that to the arm.
+        both = {"right shoulder", "left shoulder"}
+        trunk = {each for each in segments if on_trunk(each)} - both
+        shoulders = both <= {*segments} or bool(trunk and {*segments} - trunk - both)
+        found = {"height": self.known.spread > 0.0, SHOULDERS: shoulders}
         for side in ("right", "left"):
             found[f"{side} forearm"] = f"{side} hand" in segments
             beyond = (f"{side} {part}" for part in ("elbow", "forearm", "hand"))
@@ -198,6 +217,10 @@ class FitProblem:
         at = ca.Function("positions", symbols, [ca.cse(ca.densify(ca.vec(points)))]).map(len(z))
         stacked = at(z.T, np.repeat(shared[:, None], len(z), axis=1)).full()
         return np.asarray(stacked.T.reshape(len(z), -1, 3))
+
+    def errors(self, z: Array, shared: Array, observed: Array) -> Array:
+        """Return distances (k, m) [m] of observed positions (k, m, 3) [m] from the fitted ones."""
+        return np.asarray(np.linalg.norm(self.positions(z, shared) - observed, axis=2))
 
     @cached_property
     def _loss(self) -> Terms:

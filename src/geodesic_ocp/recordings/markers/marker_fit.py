@@ -3,106 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
-import scipy
-from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.markers.fit_program import LOOSE_SPREAD, PRIOR_TIME, FitProblem
-from geodesic_ocp.recordings.markers.markers import evenly
+from geodesic_ocp.recordings.markers.body import on_trunk
+from geodesic_ocp.recordings.markers.fit_program import LOST
+from geodesic_ocp.recordings.markers.fit_uncertainty import FitNoise
 from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_HELD = 1e8  # stiffness of a joint at its limit, relative to that of the markers [1/rad^2]
-_AT_LIMIT = 1e-4  # [rad or m]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class FitNoise(ShortRepr):
-    """Errors of fitted angles, of which each marker makes its share.
-
-    The distances of a marker from its fitted places, r_m(t) without their mean, are skin that moves
-    and noise of the cameras, with their own course in time. In the fit the pulls of all markers
-    cancel. With other signs they do not: to first order, the fit to the fitted places plus s_m r_m,
-    s_m = +1 or -1, differs by sum_m s_m times the response of the angles to r_m, as smooth as the
-    fit is (wild bootstrap; Wu, The Annals of Statistics 14, 1986).
-
-    Attributes:
-        responses: of the angles to the errors of each marker (k, n, m) [rad or m].
-    """
-
-    responses: Array
-
-    def draw(self, random: np.random.Generator) -> Array:
-        """Return errors of the angles (k, n), others at each call."""
-        result: Array = self.responses @ random.choice([-1.0, 1.0], self.responses.shape[2])
-        return result
-
-
-def fit_noise(
-    problem: FitProblem,
-    time: Array,
-    z: Array,
-    shared: Array,
-    residuals: Array,
-    weights: Array,
-    loose: NDArray[np.bool_],
-) -> FitNoise:
-    """Return the errors of the angles that residuals stand for, the shared variables as they are.
-
-    Args:
-        time: (k,) [s].
-        z: variables of the frames (k, nz).
-        shared: variables of all frames (ns,).
-        residuals: fitted minus observed positions (k, m, 3) [m], NaN where missing.
-        weights: that the markers kept (k, m); NaN where missing.
-        loose: joints that the markers do not determine (n,).
-    """
-    count, markers = weights.shape
-    changing = np.nan_to_num(residuals - np.nanmean(residuals, axis=0))
-    # Least squares leave less than there was, by the degrees of freedom.
-    seen = 3.0 * float(np.sum(np.nan_to_num(weights))) / count
-    changing *= np.sqrt(seen / max(seen - problem.nz, 0.1 * seen))
-    shares = np.convolve(np.diff(time), [0.5, 0.5])
-    weighted = np.nan_to_num(weights) * shares[:, None] / problem.settings.noise**2
-    blocks = np.empty((count, problem.nz, problem.nz))
-    pulls = np.empty((count, problem.nz, markers))
-    for k in range(count):
-        slopes = problem.slopes(z[k], shared)[1].full().reshape(markers, 3, problem.nz)
-        blocks[k] = np.einsum("m,mdi,mdj->ij", weighted[k], slopes, slopes)
-        pulls[k] = np.einsum("m,mdi,md->im", weighted[k], slopes, changing[k])
-    lower, upper = problem.limits
-    if problem.settings.limits:
-        at_limit = (z < lower + _AT_LIMIT) | (z > upper - _AT_LIMIT)
-        blocks += at_limit[:, :, None] * np.eye(problem.nz) * _HELD * shares[:, None, None]
-    matrix = scipy.sparse.block_diag(blocks) + problem.stiffness(time, loose)[0]
-    moved = scipy.sparse.linalg.splu(matrix.tocsc()).solve(pulls.reshape(-1, markers))
-    return FitNoise(moved.reshape(count, problem.nz, markers)[:, problem.first_joint :])
-
-
 #: How the warning of a fit that is doubtful begins.
 DOUBTFUL = "the fit of the markers is doubtful: "
 # A typical error that is usual at most [m]: skin moves, and places of markers are assumed.
 _USUAL = 0.02
 _MANY = 0.25  # share of the samples of markers that are lost
-_SHORT = 1.0  # [s]
-_TRUNK = ("thorax", "abdomen", "pelvis")
-_LOST = 0.25  # weight below which a marker counts as lost: it is farther away than `outlier`
-_NEAR = 0.5  # distance from another marker's place, relative to that from its own
 # Bounds of this project's choice, see `MarkerFit.typical_error`: a recording by the Master Motor
 # Map's set is fitted within 7 mm, without estimated offsets within 30 mm, one that is mirrored
 # within 70 mm.
 _NO_FIT = 0.04  # [m]
 _MOST = 0.75  # share of the samples of markers that are lost
 _SHORTEST, _TALLEST = 0.8, 2.4  # body heights that are believed if they are estimated [m]
+# Adults: three standard deviations (0.065 and 0.07 m) below the mean of the women and above that of
+# the men of the nations where they are shortest and tallest, 1.49 and 1.825 m (NCD Risk Factor
+# Collaboration, "A century of trends in adult human height", eLife 5, 2016).
+_SHORT_ADULT, _TALL_ADULT = 1.30, 2.04  # [m]
 
 
 @dataclass(frozen=True)
@@ -137,14 +68,15 @@ def lost_markers(
     found = []
     for column, name in enumerate(names):
         seen = np.flatnonzero(~np.isnan(weights[:, column]))
-        lost = weights[seen, column] < _LOST
+        lost = weights[seen, column] < LOST
         edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
         for first, last in edges.reshape(-1, 2):
             rows = seen[first:last]
             away = np.linalg.norm(observed[rows, column, None] - predicted[rows], axis=2)
             distances = np.median(away, axis=0)
             nearest = int(np.argmin(distances))
-            near = names[nearest] if distances[nearest] < _NEAR * distances[column] else None
+            # Much nearer to another marker's place than to its own.
+            near = names[nearest] if distances[nearest] < distances[column] / 2 else None
             start, end, distance = map(float, (*time[rows[[0, -1]]], distances[column]))
             found.append(LostMarker(name, start, end, distance, near))
     return tuple(found)
@@ -169,8 +101,9 @@ class MarkerFit:
             the shoulders.
         height: height of the person [m], or None for a model that is not of a person.
         height_from: where the height was taken from, in words.
-        undetermined: joints that the markers do not determine for at least half of the time, where
-            smoothness and limits choose.
+        height_estimated: whether it was taken from the markers.
+        undetermined: joints that the markers which kept their weight do not determine for at least
+            half of the time, or but for an error of more than 1 rad; smoothness and limits choose.
         constant_errors: standard deviations of the constant errors of the joints' angles (n,)
             [rad] that uncertain places of the markers on their segments leave; NaN for joints that
             are not determined.
@@ -178,6 +111,8 @@ class MarkerFit:
             `Analysis.uncertainty` draws.
         marker_set: name of the marker set.
         left_out: markers of the recording that were not used.
+        frozen: share of the samples in which a marker repeats a position although its neighbours
+            move, by marker; they count as missing.
         seconds: seconds that the fit took.
         iterations: iterations of Ipopt.
     """
@@ -194,18 +129,20 @@ class MarkerFit:
     lengths: Mapping[str, float]
     height: float | None
     height_from: str
+    height_estimated: bool
     undetermined: tuple[str, ...]
     constant_errors: Array
     noise: FitNoise
     marker_set: str
     left_out: tuple[str, ...]
+    frozen: Mapping[str, float]
     seconds: float
     iterations: int
 
     def table(self) -> DataFrame:
         """Return errors of every marker, and the share of time in which it is missing or lost."""
         missing = np.isnan(self.errors)
-        lost = np.where(missing, np.nan, self.weights < _LOST)
+        lost = np.where(missing, np.nan, self.weights < LOST)
         columns = {
             "mean error [mm]": 1e3 * np.nanmean(self.errors, axis=0),
             "95 % below [mm]": 1e3 * np.nanpercentile(self.errors, 95, axis=0),
@@ -223,16 +160,21 @@ class MarkerFit:
 
         Of the markers of the trunk or of all others, whichever is greater.
         """
-        on_trunk = np.isin(self.segments, _TRUNK)
+        trunk = np.array([on_trunk(each) for each in self.segments])
         seen = ~np.isnan(self.errors).all(axis=0)
-        groups = [each for each in (seen & on_trunk, seen & ~on_trunk) if each.any()]
+        groups = [each for each in (seen & trunk, seen & ~trunk) if each.any()]
         means = [np.nanmean(self.errors[:, each], axis=0) for each in groups]
         return max(float(np.median(each)) for each in means)
 
     @property
     def lost_share(self) -> float:
         """Share of the positions that were recorded in which markers lost their weight."""
-        return float(np.mean(self.weights[~np.isnan(self.weights)] < _LOST))
+        return float(np.mean(self.weights[~np.isnan(self.weights)] < LOST))
+
+    @property
+    def mean_error(self) -> float:
+        """Mean distance of all markers from their places over time [m], of lost ones as well."""
+        return float(np.nanmean(self.errors))
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -241,12 +183,39 @@ class MarkerFit:
         if self.typical_error > _USUAL:
             seconds = float(np.ptp(self.motion.time))
             short = f" (a recording of {seconds:.2g} s says little about their places)"
-            found.append(self._distance + (short if seconds < _SHORT else ""))
+            found.append(self._distance + (short if seconds < 1.0 else ""))
+        if self.mean_error > _NO_FIT:
+            found.append(f"markers are {1e3 * self.mean_error:.0f} mm from their places on average")
         if self.lost_share > _MANY:
             found.append(self._share)
+        found += self._rejected
+        found += [
+            f"{name} repeats one position for {share:.0%} of the time while its neighbours move"
+            for name, share in self.frozen.items()
+            if share > _MANY
+        ]
         if self.undetermined:
             found.append(f"the markers do not determine {', '.join(self.undetermined)}")
+        if self.height_estimated and self._is_no_adult:
+            found.append(f"the body height would be {self.height:.2f} m, {self.height_from}")
         return tuple(found)
+
+    @property
+    def _rejected(self) -> list[str]:
+        """Phrases on the markers that are lost most of the time."""
+        found = []
+        for column, name in enumerate(self.names):
+            seen = ~np.isnan(self.weights[:, column])
+            lost = seen & (self.weights[:, column] < LOST)
+            if 2 * lost.sum() > seen.sum():  # as joints are undetermined for half of the time
+                away = 1e3 * float(np.median(self.errors[lost, column]))
+                share = lost.sum() / seen.sum()
+                found.append(f"{name} is {away:.0f} mm from its place for {share:.0%} of the time")
+        return found
+
+    @property
+    def _is_no_adult(self) -> bool:
+        return self.height is not None and not _SHORT_ADULT < self.height < _TALL_ADULT
 
     @property
     def _distance(self) -> str:
@@ -279,6 +248,11 @@ class MarkerFit:
                 "Constant errors of the angles are possible, as places of markers on the segments "
                 f"are assumed (standard deviations): {shown}."
             )
+        lines += [
+            f"{name} repeats one position for {share:.0%} of the time while its neighbours move; "
+            "these samples count as missing."
+            for name, share in self.frozen.items()
+        ]
         lines += [f"{each}." for each in self.lost[:20]]
         if len(self.lost) > 20:
             lines.append(f"{len(self.lost) - 20} more spans of lost markers.")
@@ -288,24 +262,27 @@ class MarkerFit:
         height = "" if self.height is None else f", body height {self.height:.2f} m"
         return (
             f"MarkerFit({len(self.motion)} samples, {len(self.names)} markers, mean error "
-            f"{1e3 * float(np.nanmean(self.errors)):.1f} mm, {len(self.lost)} spans of lost "
+            f"{1e3 * self.mean_error:.1f} mm, {len(self.lost)} spans of lost "
             f"markers{height}, {self.seconds:.1f} s)"
         )
 
 
-def check_fit(fit: MarkerFit, estimated: bool) -> None:
-    """Refuse a fit that is none; `estimated` says whether the height was.
+def check_fit(fit: MarkerFit) -> None:
+    """Refuse a fit that is none.
 
     Raises:
         ValueError: the typical error is above 40 mm, markers are lost for three quarters of the
-            time, or the body height is outside 0.8 to 2.4 m; names likely causes.
+            time, the others determine no joint, or the estimated body height is outside 0.8 to
+            2.4 m; names likely causes.
     """
     if fit.typical_error > _NO_FIT:
         usual = f"{1e3 * _USUAL:.0f} mm at most are usual"
         found = f"{fit._distance} on {fit.model.name!r}, {usual}"
     elif fit.lost_share > _MOST:
         found = fit._share
-    elif fit.height is not None and estimated and not _SHORTEST < fit.height < _TALLEST:
+    elif set(fit.undetermined) == set(fit.model.joint_names):
+        found = "those that are near their places determine none of the joints"
+    elif fit.height_estimated and not _SHORTEST < (fit.height or 0.0) < _TALLEST:
         found = f"the body height would be {fit.height:.2f} m, {fit.height_from}"
     else:
         return
@@ -324,74 +301,3 @@ def check_fit(fit: MarkerFit, estimated: bool) -> None:
     if fit.height is not None:
         causes.append("another height of the person (give height=...)")
     raise ValueError(f"the markers are not fitted: {found}. Check {', '.join(causes)}")
-
-
-_FRAMES = 50  # that are considered
-_LEVER = 0.004  # [m/rad]: what moves no marker by more is not determined
-_PART = 0.3  # of a joint in such a motion of unit length
-
-
-def undetermined_joints(
-    problem: FitProblem, z: Array, shared: Array, seen: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return which joints (n,) can move, alone or with others, without moving the markers.
-
-    Joints that do so in at least half of the frames, of which up to 50 are considered.
-
-    Args:
-        z: variables of the frames (k, nz).
-        shared: variables of all frames (ns,).
-        seen: which markers are (k, m).
-    """
-    rows = evenly(len(z), _FRAMES)
-    votes = np.zeros(problem.body.model.dof)
-    for row in rows:
-        jacobian = problem.slopes(z[row], shared)[1].full()[np.repeat(seen[row], 3)]
-        moves, vectors = np.linalg.eigh(jacobian.T @ jacobian)
-        free = vectors[problem.first_joint :, moves < _LEVER**2]
-        votes += np.linalg.norm(free, axis=1) > _PART
-    return np.asarray(votes >= rows.size / 2)
-
-
-def constant_errors(
-    problem: FitProblem, time: Array, z: Array, shared: Array, weights: Array
-) -> Array:
-    """Return standard deviations [rad] of the mean over time of the joints' errors (n,).
-
-    They follow, to first order, from the uncertainty of the places of markers in the marker set:
-    as it is where offsets are not estimated, else as the fit leaves it. Up to 50 frames are
-    considered.
-
-    Args:
-        time: (k,) [s].
-        z: variables of the frames (k, nz).
-        shared: variables of all frames (ns,).
-        weights: weights of the markers (k, m); NaN where missing.
-    """
-    noise, estimated = problem.settings.noise, problem.settings.offsets
-    if not estimated:
-        problem = replace(problem, settings=replace(problem.settings, offsets=True))
-        shared = np.concatenate([shared, np.zeros(problem.ns - shared.size)])
-    if not problem.ns:
-        return np.zeros(problem.body.model.dof)
-    *symbols, points = problem.frame
-    slopes = [ca.densify(ca.jacobian(ca.vec(points), each)) for each in symbols]
-    at = ca.Function("slopes", symbols, [ca.cse(each) for each in slopes])
-    weak = np.full(problem.nz, (noise / LOOSE_SPREAD) ** 2)
-    weak[: problem.first_joint] = 1e-12
-    carried, told = np.zeros((problem.nz, problem.ns)), np.zeros((problem.ns, problem.ns))
-    rows = evenly(len(z), _FRAMES)
-    for row in rows:
-        by_z, by_shared = (each.full() for each in at(z[row], shared))
-        weight = np.repeat(np.nan_to_num(weights[row]), 3)[:, None]
-        normal = by_z.T @ (weight * by_z) + np.diag(weak)
-        # The angles follow a change of the shared variables so that markers stay where they are.
-        follow = np.linalg.solve(normal, by_z.T @ (weight * by_shared))
-        carried += follow / rows.size
-        told += by_shared.T @ (weight * (by_shared - by_z @ follow)) / rows.size
-    information = problem.priors
-    if estimated:
-        scale = float(time[-1] - time[0]) / PRIOR_TIME / noise**2
-        information = information + scale * (told + told.T) / 2.0
-    variance = np.einsum("is,si->i", carried, np.linalg.solve(information, carried.T))
-    return np.asarray(np.sqrt(variance[problem.first_joint :]))

@@ -71,16 +71,6 @@ class Markers:
         )
 
 
-def without_prefix(labels: Sequence[str]) -> tuple[list[str], str]:
-    """Get labels without the subject before a colon, if they then still differ; and the subject."""
-    split = [label.rpartition(":") for label in labels]
-    names = [name.strip() for _, _, name in split]
-    if "" in names or len(set(names)) < len(names):
-        return list(labels), ""
-    prefixes = {prefix for prefix, _, _ in split if prefix}
-    return names, prefixes.pop() if len(prefixes) == 1 else ""
-
-
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 # The coordinates, counted from 1 and signed, that become x, y and z; every choice is a rotation.
@@ -152,3 +142,35 @@ def check_plausible_size(markers: Markers) -> None:
         raise ValueError(f"the markers of a sample are {size:.4g} m apart{_IN_MM}")
     if len(markers.names) >= 3 and widest < _NARROWEST:
         raise ValueError(f"all markers of a sample are within {widest:.3g} m{_IN_M}")
+
+
+def frozen_samples(observed: Array, carriers: Sequence[int], outlier: float) -> NDArray[np.bool_]:
+    """Return in which samples markers (k, m) repeat a position although what carries them moves.
+
+    Some programs fill a gap with the last position. Positions of a body at rest repeat, too, but
+    then the distances from its other markers do not change by as much as makes a marker an outlier.
+    If a segment other than the root has no other marker, the nearest one stands for them.
+
+    Args:
+        observed: positions (k, m, 3) [m], NaN where missing.
+        carriers: numbers of the joints that carry the markers (m,); those of the root are not
+            positive.
+        outlier: distance at which a marker keeps a quarter of its weight [m].
+    """
+    joints = np.maximum(carriers, 0)
+    frozen = np.zeros(observed.shape[:2], dtype=bool)
+    repeats = np.all(np.diff(observed, axis=0) == 0.0, axis=2)
+    for marker, joint in enumerate(joints):
+        edges = np.flatnonzero(np.diff(np.pad(repeats[:, marker].astype(int), 1)))
+        for first, last in edges.reshape(-1, 2):
+            span = observed[first : last + 1]
+            away = np.linalg.norm(span - span[:, marker, None], axis=2)
+            seen = ~np.isnan(away).any(axis=0)
+            seen[marker] = False
+            mates = seen & (joints == joint)
+            if joint > 0 and seen.any() and not mates.any():
+                mates[np.argmin(np.where(seen, away[0], np.inf))] = True
+            changes = np.ptp(away[:, mates], axis=0)
+            if changes.size and changes.min() > outlier:
+                frozen[first : last + 1, marker] = True
+    return frozen
