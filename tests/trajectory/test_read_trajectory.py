@@ -121,7 +121,7 @@ POINT = {"positions": [1.0], "time_from_start": {"sec": 0, "nanosec": 1}}
 @pytest.mark.parametrize(
     ("message", "expected"),
     [
-        ("{", "is not JSON"),
+        ("{", "is not a ROS 2 message in JSON"),
         ("[]", "Expected `object`, got `array`"),
         (
             {"joint_names": ["a"], "points": []},

@@ -268,6 +268,7 @@ class TrajectoryAttempt:
 def solve_in_rounds(
     arms: Sequence[ArmPaths],
     clearance: Clearance,
+    *,
     rest: bool,
     deviation_weight: float,
     progress: Callable[[int], object],
@@ -301,7 +302,7 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
         if not found.outcome.success or (found.success and found.change <= _SETTLED):
             return found, None
         if number >= _LATE and TOLERANCE < found.excess <= _SLIGHTLY:
-            attempts.append(_slowed(found))
+            attempts.append(replace(slowed(found, 1.0 + found.excess), iterations=0))
             if attempts[-1].success:
                 return attempts[-1], None
         program, states = found.program, found.states
@@ -329,13 +330,14 @@ def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
     return _checked(program, program.states(outcome.x), watched, change, outcome)
 
 
-def _slowed(found: TrajectoryAttempt) -> TrajectoryAttempt:
-    """Return the same motion, slower by its excess over the limits."""
-    slower = 1.0 + found.excess
+def slowed(found: TrajectoryAttempt, slower: float) -> TrajectoryAttempt:
+    """Return the same motion, so many times slower, with the iterations that found it."""
+    if slower == 1.0:
+        return found
     arms = tuple(states / slower ** np.arange(3.0)[:, None, None] for states in found.states.arms)
     states = KnotStates(found.states.durations * slower, arms)
     given = found.program, states, found.watched, found.excess, found.outcome
-    return replace(_checked(*given), iterations=0)
+    return replace(_checked(*given), iterations=found.iterations)
 
 
 def _checked(
