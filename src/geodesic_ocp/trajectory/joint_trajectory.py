@@ -316,6 +316,7 @@ class JointTrajectory(ShortRepr):
 
 
 _DECIMALS = 15  # of a float64 near 1
+_EXACT = 0.01  # of the largest number: with fewer than three significant digits nobody samples
 
 
 def last_digit(values: Array) -> float:
@@ -325,20 +326,22 @@ def last_digit(values: Array) -> float:
     0.001
 
     The coarsest power of ten of which all are multiples. Numbers of single precision count as such.
-    Numbers that are all the same, such as zeros, say nothing: the spacing of floats.
+    Fewer than three significant digits, as of -2, 0 and 2, are no rounding: such numbers are exact.
     """
     largest = float(np.abs(values).max(initial=0.0))
     finest = float(np.spacing(max(largest, np.finfo(float).tiny)))
-    if np.ptp(values) == 0.0:
-        return finest
-    single = np.float32(largest)
-    if np.array_equal(values, values.astype(np.float32)):
-        finest = float(np.spacing(single))
     for decimals in range(_DECIMALS):
         scaled = values * 10.0**decimals
         if np.all(np.abs(scaled - np.rint(scaled)) <= np.spacing(np.abs(scaled))):
-            return max(10.0**-decimals, finest)
-    return finest
+            found = 10.0**-decimals
+            if found > _EXACT * largest:
+                return finest
+            break
+    else:
+        found = finest
+    if np.array_equal(values, values.astype(np.float32)):
+        found = max(found, float(np.spacing(np.float32(largest))))
+    return found
 
 
 def check_export(file: Path) -> None:
