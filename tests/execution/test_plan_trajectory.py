@@ -18,7 +18,6 @@ from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
-from geodesic_ocp.execution.room_between import JERK_SHARE
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.interpolation import JERK_OVERSHOOT
@@ -159,7 +158,8 @@ def test_jerk_is_limited() -> None:
     found = plan_trajectory([along(two_links(), CORNERS, EDGES, bounds)])
     _, _, _, j = found.states(np.linspace(0.0, found.duration, 5000))
     assert np.abs(j).max() <= 40.0 * KEPT
-    assert found.usage[0].jerk.max() >= 0.99 * JERK_SHARE
+    # From one end to the other, an overshoot by the controller at both sides left out.
+    assert found.usage[0].jerk.max() >= 0.99 / (1.0 + 2.0 * JERK_OVERSHOOT)
 
 
 @pytest.mark.parametrize("rate", [30.0, 100.0, 1000.0])
@@ -175,8 +175,8 @@ def test_controllers_that_interpolate_samples_keep_the_limits(rate: float) -> No
     for order, limit in enumerate((bounds.velocity, bounds.acceleration, bounds.jerk), start=1):
         largest = np.abs(quintic.derivative(order)(times)).max(axis=0)
         assert np.all(largest <= limit * (1.0 + 1e-3)), (order, largest)
-    # The overshoot is real: a plan that used the whole limit would break it.
-    assert np.abs(quintic.derivative(3)(times)).max() > 1.1 * JERK_SHARE * 200.0
+    # No more is left than the overshoot needs.
+    assert np.abs(quintic.derivative(3)(times)).max() >= 0.9 * 200.0
 
 
 def test_the_overshoot_of_a_quintic_over_a_step_of_the_jerk() -> None:

@@ -21,7 +21,7 @@ from geodesic_ocp.execution.arm_paths import (
 )
 from geodesic_ocp.execution.clearance import Clearance, joined_clearance
 from geodesic_ocp.execution.limits import LimitShares
-from geodesic_ocp.execution.room_between import slower_between, with_jerk_left
+from geodesic_ocp.execution.room_between import slower_between
 from geodesic_ocp.execution.trajectory_rounds import (
     MOST_ROUNDS,
     TOLERANCE,
@@ -329,7 +329,7 @@ def plan_trajectory(
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(
-        [with_jerk_left(arm) for arm in arms],
+        arms,
         possible,
         rest=bool(rest),
         deviation_weight=weight,
@@ -345,9 +345,7 @@ def plan_trajectory(
         edges=knots.edges,
         robot_edges=times[knots.at_edges],
         splines=tuple(check.spline for check in found.checks),
-        usage=tuple(
-            replace(check, arm=arm).shares for check, arm in zip(found.checks, arms, strict=True)
-        ),
+        usage=tuple(check.shares for check in found.checks),
         path_deviation=tuple(
             path_deviations(check.arm, check.spline, times[knots.of(check.arm.edges)])
             for check in found.checks

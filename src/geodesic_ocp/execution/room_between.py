@@ -2,30 +2,21 @@
 
 A plan has constant jerk between knots. Between two samples that have no knot between them, the
 quintic of their positions, velocities and accelerations is the plan itself. Around a knot it
-differs: its jerk overshoots the step of the plan's jerk, and its acceleration cuts the corner.
+differs: its jerk overshoots the step of the plan's jerk, for which the program leaves room, and its
+acceleration cuts the corner, by the more the longer the interval is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.trajectory_rounds import ArmCheck
-from geodesic_ocp.trajectory.interpolation import JERK_OVERSHOOT, within_intervals
+from geodesic_ocp.trajectory.interpolation import within_intervals
 
-# Share of the limit of the jerk: a step from one end of it to the other, and the overshoot of a
-# quintic over that step, wherever the knot is between two samples and however far these are apart.
-JERK_SHARE = 1.0 / (1.0 + 2.0 * JERK_OVERSHOOT)
 _PHASES = (np.arange(8.0) + 0.5) / 8.0  # where a knot is between two samples; maxima are flat in it
-
-
-def with_jerk_left(arm: ArmPaths) -> ArmPaths:
-    """Return the arm with so much of its limit of the jerk as a plan may use."""
-    return replace(arm, limits=replace(arm.limits, jerk=JERK_SHARE * arm.limits.jerk))
 
 
 def slower_between(checks: Sequence[ArmCheck], step: float, rest: bool) -> float:
@@ -35,23 +26,24 @@ def slower_between(checks: Sequence[ArmCheck], step: float, rest: bool) -> float
     root of accelerations, and the cube root of jerks, wherever the knots are between samples.
 
     Args:
-        checks: checks of the arms, with their splines, under the limits that plans may use.
+        checks: checks of the arms, with their splines.
         step: duration between two samples, or less [s].
         rest: whether the plan begins and ends at rest, and stays there.
     """
     slower = 1.0
     for check in checks:
         limits = check.arm.limits
-        allowed = limits.velocity, limits.acceleration, limits.jerk / JERK_SHARE
         knots = check.spline.curve.x[1:]
         begins = (knots[:, None] - step * _PHASES).ravel()
         if not rest:
             begins = begins[(begins >= 0.0) & (begins + step <= check.spline.duration)]
-        ends = [_states(check, times) for times in (begins, begins + step)]
-        for order, largest in enumerate(allowed, start=1):
-            found = within_intervals(np.full((begins.size, 1), step), *ends, order)
-            share = np.max(np.abs(found.values) / largest, initial=0.0)
-            slower = max(slower, float(share) ** (1.0 / order))
+        steps = np.full((begins.size, 1), step)
+        start = _states(check, begins)
+        end = _states(check, begins + step)
+        for order, largest in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
+            found = within_intervals(steps, start, end, order)
+            share = float(np.max(np.abs(found.values) / largest, initial=0.0))
+            slower = max(slower, share ** (1.0 / order))
     return slower
 
 

@@ -73,7 +73,7 @@ def differences(time: Array, values: Array, order: int) -> Array:
 
 def _rounded(time: Array, digits: Array, order: int) -> Array:
     """Return by how much half a digit (n,) of each value may change the differences."""
-    found = np.tile(0.5 * digits, (time.size, 1))
+    found: Array = np.tile(0.5 * digits, (time.size, 1))
     for k in range(1, order + 1):
         spans = (time[k:] - time[:-k])[:, None]
         found = k * (found[1:] + found[:-1]) / np.where(spans > 0.0, spans, np.inf)
@@ -85,7 +85,9 @@ def _changes(values: Array) -> Array:
     if len(values) < 2:
         return np.zeros_like(values)
     steps = np.abs(np.diff(values, axis=0))
-    return np.maximum(np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]]))
+    before = np.vstack([steps[:1], steps])
+    after = np.vstack([steps, steps[-1:]])
+    return np.asarray(np.maximum(before, after))
 
 
 def _at_samples(values: Array, count: int) -> Array:
@@ -279,13 +281,13 @@ class SampledJoints:
                 continue
             digits = np.split(self.trajectory.last_digits("position"), ends)[len(found)]
             found.append(_chords(model, time, q, digits))
-        if len(found) == 1:
-            return found[0]
-        columns = [np.hstack([getattr(each, part) for each in found]) for part in _SIDES]
-        return Magnitudes(found[0].at, *columns, found[0].means)
-
-
-_SIDES = ("sizes", "below", "above")
+        return Magnitudes(
+            at=found[0].at,
+            sizes=np.hstack([each.sizes for each in found]),
+            below=np.hstack([each.below for each in found]),
+            above=np.hstack([each.above for each in found]),
+            means=found[0].means,
+        )
 
 
 def _chords(model: Model, time: Array, q: Array, digits: Array) -> Magnitudes:
@@ -295,7 +297,8 @@ def _chords(model: Model, time: Array, q: Array, digits: Array) -> Magnitudes:
     means = np.max([np.linalg.norm(np.diff(each, axis=0), axis=1) for each in places], axis=0)
     speeds = (means / steps)[:, None]
     # Half a digit of each joint at both ends of a step.
-    moved = sum(hand_speeds(model, q, np.tile(each, (len(q), 1))) for each in np.diag(digits))
+    turned = [hand_speeds(model, q, np.tile(each, (len(q), 1))) for each in np.diag(digits)]
+    moved = np.sum(turned, axis=0)
     rounded = (np.maximum(moved[:-1], moved[1:]) / steps)[:, None]
     return Magnitudes(
         at=(time[1:] + time[:-1]) / 2.0,

@@ -70,7 +70,7 @@ def judge(
             f"{name} of {trajectory.joint_names[joint]} is {found.sizes[k, joint]:.4g} {unit}"
             f"{mean}{where} at {found.at[k]:.4g} s, its limit {limits[joint]:.4g}"
         )
-    beyond = np.max(certain, axis=0, initial=0.0) > 0.0
+    beyond = np.asarray(np.max(certain, axis=0, initial=0.0) > 0.0)
     open_cases = [(joint, k) for joint, k in worst(possible) if not beyond[joint]]
     if not open_cases:
         return Findings(violations, [], beyond)
@@ -97,7 +97,7 @@ def judge_hands(models: Sequence[Model], speeds: Magnitudes, limits: Array) -> F
         f"{speeds.at[k]:.4g} s, its limit {limits[number]:.4g}"
         for number, k in worst(certain)
     ]
-    beyond = np.max(certain, axis=0, initial=0.0) > 0.0
+    beyond = np.asarray(np.max(certain, axis=0, initial=0.0) > 0.0)
     not_judged = [
         f"not judged: speed of the hand {models[number].hand}: derived from positions, it is up to "
         f"{speeds.sizes[k, number] + speeds.above[k, number]:.4g} m/s at {speeds.at[k]:.4g} s, its "
@@ -138,7 +138,7 @@ def judge_rest(sampled: SampledJoints, limits: JointLimits) -> Findings:
                 f"{trajectory.joint_names[joint]} seems to move at {found.speeds[k, joint]:.3g} "
                 f"{trajectory.units[joint]}/s, and may be at rest"
             )
-    return Findings(violations, not_judged, moving.any(axis=0))
+    return Findings(violations, not_judged, np.asarray(moving.any(axis=0)))
 
 
 def time_faults(trajectory: JointTrajectory, uniform: bool) -> Iterator[str]:
