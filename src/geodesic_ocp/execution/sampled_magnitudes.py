@@ -80,14 +80,14 @@ def _rounded(time: Array, digits: Array, order: int) -> Array:
     return found
 
 
-def _changes(values: Array) -> Array:
-    """Return the larger one of the changes to the row before and to the one after (m, n)."""
+def peaks_above(values: Array) -> Array:
+    """Return by how much a derivative may exceed its differences (m, n), by their changes."""
     if len(values) < 2:
         return np.zeros_like(values)
     steps = np.abs(np.diff(values, axis=0))
     before = np.vstack([steps[:1], steps])
     after = np.vstack([steps, steps[-1:]])
-    return np.asarray(np.maximum(before, after))
+    return np.asarray(_PEAK * np.maximum(before, after))
 
 
 def _at_samples(values: Array, count: int) -> Array:
@@ -175,7 +175,7 @@ class SampledJoints:
             at=self._centres(time, order),
             sizes=np.abs(found),
             below=rounded,
-            above=rounded + _PEAK * _changes(found),
+            above=rounded + peaks_above(found),
             means=np.full(len(found), True),
         )
 
@@ -304,6 +304,6 @@ def _chords(model: Model, time: Array, q: Array, digits: Array) -> Magnitudes:
         at=(time[1:] + time[:-1]) / 2.0,
         sizes=speeds,
         below=rounded,
-        above=rounded + _PEAK * _changes(speeds),
+        above=rounded + peaks_above(speeds),
         means=np.full(steps.shape, True),
     )

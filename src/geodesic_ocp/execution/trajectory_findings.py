@@ -12,7 +12,12 @@ from scipy.ndimage import maximum_filter1d
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.limits import UNITS, JointLimits
-from geodesic_ocp.execution.sampled_magnitudes import ROUNDING, Magnitudes, SampledJoints
+from geodesic_ocp.execution.sampled_magnitudes import (
+    ROUNDING,
+    Magnitudes,
+    SampledJoints,
+    peaks_above,
+)
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
@@ -165,8 +170,9 @@ def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Ar
     The trapezoidal rule over a step h is wrong by at most J h^3 / 12 for positions and J h^2 / 4
     for velocities where the jerk is at most J, and by at most J h^3 / 8 and J h^2 / 2 where the
     acceleration jumps by J h within the step. The bounds are the latter, with the J that the
-    accelerations in the file show in this step and its neighbours, plus rounding to six digits, or
-    to fewer if the numbers have fewer. They are of third and second order in h.
+    accelerations in the file show in this step and its neighbours, and may have between samples
+    (`peaks_above`), plus rounding to six digits, or to fewer if the numbers have fewer. They are of
+    third and second order in h.
 
     Returns:
         By "velocity" and "acceleration", differences between samples less the trapezoidal integral
@@ -175,7 +181,9 @@ def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Ar
     """
     h = np.diff(trajectory.time)[:, None]
     q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
-    jerk = maximum_filter1d(np.abs(np.diff(a, axis=0)) / h, _NEARBY, axis=0, mode="nearest")
+    means = np.diff(a, axis=0) / h
+    largest = np.abs(means) + peaks_above(means)
+    jerk = maximum_filter1d(largest, _NEARBY, axis=0, mode="nearest")
     found = {}
     for order, (kind, before, x, dx) in enumerate(
         (("velocity", "position", q, v), ("acceleration", "velocity", v, a))
