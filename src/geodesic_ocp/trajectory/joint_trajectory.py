@@ -132,11 +132,14 @@ class JointTrajectory(ShortRepr):
         Raises:
             ValueError: there are no such numbers.
         """
-        values = getattr(self, _ARRAYS[kind])
-        if values is None:
+        if kind not in self._found_digits:
             raise ValueError(f"the trajectory has no {kind}")
-        found = self.digits.get(kind)
-        return np.full(len(self.joint_names), last_digit(values)) if found is None else found
+        return self.digits.get(kind, self._found_digits[kind])
+
+    @cached_property
+    def _found_digits(self) -> dict[str, Array]:
+        count = len(self.joint_names)
+        return {kind: np.full(count, last_digit(each)) for kind, each in self._by_kind().items()}
 
     @classmethod
     def from_positions(
