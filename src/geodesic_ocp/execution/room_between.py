@@ -16,8 +16,6 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.trajectory_rounds import ArmCheck
 from geodesic_ocp.trajectory.interpolation import within_intervals
 
-_PHASES = (np.arange(8.0) + 0.5) / 8.0  # where a knot is between two samples; maxima are flat in it
-
 
 def slower_between(checks: Sequence[ArmCheck], step: float, rest: bool) -> float:
     """Return how many times slower a plan must be for a controller that interpolates its samples.
@@ -31,10 +29,12 @@ def slower_between(checks: Sequence[ArmCheck], step: float, rest: bool) -> float
         rest: whether the plan begins and ends at rest, and stays there.
     """
     slower = 1.0
+    # Where a knot is between two samples: maxima are flat in it.
+    phases = (np.arange(8.0) + 0.5) / 8.0
     for check in checks:
         limits = check.arm.limits
         knots = check.spline.curve.x[1:]
-        begins = (knots[:, None] - step * _PHASES).ravel()
+        begins = (knots[:, None] - step * phases).ravel()
         if not rest:
             begins = begins[(begins >= 0.0) & (begins + step <= check.spline.duration)]
         steps = np.full((begins.size, 1), step)

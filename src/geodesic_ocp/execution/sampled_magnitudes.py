@@ -26,10 +26,6 @@ from geodesic_ocp.trajectory.joint_trajectory import KINDS, JointTrajectory
 # Files round numbers to six digits or so: that is no contradiction.
 ROUNDING = (1e-6, 1e-5, 1e-4)  # of positions [rad], velocities [rad/s], accelerations [rad/s^2]
 KINDS_OF_MOTION = {"velocity": 1, "acceleration": 2, "jerk": 3}  # by order of the derivative
-# A derivative whose slope changes its sign halfway between two second differences, a step h apart,
-# exceeds them by 13/24 of slope times h, and they the next ones by 23/24. A smooth maximum exceeds
-# them by less: a parabola by a third of the change at most.
-_PEAK = 13.0 / 23.0
 
 
 class Magnitudes(NamedTuple):
@@ -81,13 +77,18 @@ def _rounded(time: Array, digits: Array, order: int) -> Array:
 
 
 def peaks_above(values: Array) -> Array:
-    """Return by how much a derivative may exceed its differences (m, n), by their changes."""
+    """Return by how much a derivative may exceed its differences (m, n), by their changes.
+
+    One whose slope changes its sign halfway between two second differences, a step h apart, exceeds
+    them by 13/24 of the slope times h, and they the next ones by 23/24. A smooth maximum exceeds
+    them by less: a parabola by a third of the change at most.
+    """
     if len(values) < 2:
         return np.zeros_like(values)
     steps = np.abs(np.diff(values, axis=0))
     before = np.vstack([steps[:1], steps])
     after = np.vstack([steps, steps[-1:]])
-    return np.asarray(_PEAK * np.maximum(before, after))
+    return np.asarray(13.0 / 23.0 * np.maximum(before, after))
 
 
 def _at_samples(values: Array, count: int) -> Array:
@@ -258,7 +259,8 @@ class SampledJoints:
         return self._within(0)
 
     def _within(self, order: int) -> tuple[Array, Array, Array]:
-        time, count = self.trajectory.time, len(self.trajectory.joint_names)
+        time = self.trajectory.time
+        count = len(self.trajectory.joint_names)
         states = np.array([self.values(each) for each in range(3)])
         digits = np.array([self.trajectory.last_digits(kind) for kind in KINDS[:3]])
         step = np.diff(time)[:, None]

@@ -222,7 +222,7 @@ def beyond_positions(
     """Yield joints that leave their ranges at samples, or between them by interpolation alone."""
     trajectory = sampled.trajectory
     q = trajectory.positions
-    allowed = np.maximum(ROUNDING[0], trajectory.last_digits("position"))
+    allowed = np.maximum(ROUNDING[0], 0.5 * trajectory.last_digits("position"))
     found = list(worst(np.maximum(lower - q, q - upper) - allowed))
     for joint, k in found:
         yield _outside(trajectory, joint, (trajectory.time[k], q[k, joint], lower, upper), "")

@@ -161,8 +161,10 @@ class ArmTerms(Course):
         The jerk of the last piece ends in that of a rest, as if of a piece of the same duration
         that begins and ends with the last acceleration.
         """
-        (piece, joint), knots = pairs.T, self.knots
-        n, last = self.dof, knots.count
+        piece, joint = pairs.T
+        knots = self.knots
+        n = self.dof
+        last = knots.count
         following = np.minimum(piece + 1, last - 1)
         accelerations = self.first + 2 * n + joint + 3 * n * piece
         end = self.first + 2 * n + joint + 3 * n * np.minimum(piece + 2, last)

@@ -7,7 +7,7 @@ stated, of order three without accelerations, and a straight line with positions
 
 from __future__ import annotations
 
-from math import perm, sqrt
+from math import perm
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +21,10 @@ _COEFFICIENTS = np.linalg.inv(
     [[perm(k, d) * s ** max(k - d, 0) for k in _ORDERS] for s in (0.0, 1.0) for d in range(3)]
 )
 # A step of the jerk from 0 to 1 inside an interval, a share u before its end, leaves q, q', q'' of
-# u^3 / 6, u^2 / 2, u at the end. The jerk of the quintic ends at 10 u^3 - 18 u^2 + 9 u: at its
-# largest beyond the step where 30 u^2 - 36 u + 9 = 0, and nowhere larger inside.
-_AT = (6.0 - sqrt(6.0)) / 10.0
-JERK_OVERSHOOT = 10.0 * _AT**3 - 18.0 * _AT**2 + 9.0 * _AT - 1.0
+# u^3 / 6, u^2 / 2, u at the end. There the jerk of the quintic is 10 u^3 - 18 u^2 + 9 u, at its
+# largest 6 u (1 - u), where its derivative vanishes, at u = (6 - sqrt(6)) / 10; it is nowhere
+# larger inside. This is by how much that exceeds the step.
+JERK_OVERSHOOT = float((2.0 + 3.0 * np.sqrt(6.0)) / 25.0)
 _FRACTIONS = np.linspace(0.0, 1.0, 21)  # between two of them a jerk is missed by 0.002 of a step
 
 

@@ -318,10 +318,6 @@ class JointTrajectory(ShortRepr):
         return path
 
 
-_DECIMALS = 15  # of a float64 near 1
-_EXACT = 0.01  # of the largest number: with fewer than three significant digits nobody samples
-
-
 def last_digit(values: Array) -> float:
     """Return what the last digit of numbers stands for: a power of ten, or the spacing of floats.
 
@@ -333,11 +329,11 @@ def last_digit(values: Array) -> float:
     """
     largest = float(np.abs(values).max(initial=0.0))
     finest = float(np.spacing(max(largest, np.finfo(float).tiny)))
-    for decimals in range(_DECIMALS):
+    for decimals in range(np.finfo(float).precision):
         scaled = values * 10.0**decimals
         if np.all(np.abs(scaled - np.rint(scaled)) <= np.spacing(np.abs(scaled))):
             found = 10.0**-decimals
-            if found > _EXACT * largest:
+            if 100.0 * found > largest:  # at most two significant digits
                 return finest
             break
     else:
