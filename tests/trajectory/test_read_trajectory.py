@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory, last_digit
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
@@ -121,7 +121,7 @@ POINT = {"positions": [1.0], "time_from_start": {"sec": 0, "nanosec": 1}}
 @pytest.mark.parametrize(
     ("message", "expected"),
     [
-        ("{", "is not JSON"),
+        ("{", "is not a ROS 2 message in JSON"),
         ("[]", "Expected `object`, got `array`"),
         (
             {"joint_names": ["a"], "points": []},
@@ -180,3 +180,54 @@ def test_members_that_are_no_arrays_and_huge_integers_are_refused(tmp_path: Path
     message.write_text(json.dumps({"joint_names": ["a"], "points": [point]}))
     with pytest.raises(ValueError, match=r"trajectory.json: .* is not finite"):
         read_trajectory(message)
+
+
+def _points(*first: float) -> list[dict[str, Any]]:
+    """Points 0.1 s apart, the first position given once or twice, both at 0 s."""
+    positions = [*first, 0.1, 0.4, 0.9, 1.6]
+    seconds = [0.0] * len(first) + [0.1, 0.2, 0.3, 0.4]
+    return [
+        {
+            "positions": [q],
+            "time_from_start": {"sec": 0, "nanosec": round(1e9 * t)},
+        }
+        for q, t in zip(positions, seconds, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("suffix", [".json", ".yaml"])
+def test_goals_of_follow_joint_trajectory_are_read(tmp_path: Path, suffix: str) -> None:
+    goal = {
+        "trajectory": {"joint_names": ["a"], "points": _points(0.0)},
+        "goal_time_tolerance": {"sec": 1, "nanosec": 0},
+    }
+    text = json.dumps(goal)
+    if suffix == ".yaml":
+        text = pytest.importorskip("yaml").safe_dump(goal)
+    found = read_trajectory(write(tmp_path, f"goal{suffix}", text))
+    assert_allclose(found.positions[:, 0], [0.0, 0.1, 0.4, 0.9, 1.6])
+    assert_allclose(found.time, [0.0, 0.1, 0.2, 0.3, 0.4])
+    assert found.derived == ("velocity", "acceleration")
+
+
+def test_a_point_that_is_there_twice_is_left_out(tmp_path: Path) -> None:
+    goal = {"joint_names": ["a"], "points": _points(0.0, 0.0)}
+    with pytest.warns(UserWarning, match=r"twice\.json: left out, .*: points 1, counted from 0"):
+        found = read_trajectory(write(tmp_path, "twice.json", json.dumps(goal)))
+    assert_allclose(found.positions[:, 0], [0.0, 0.1, 0.4, 0.9, 1.6])
+    other = {"joint_names": ["a"], "points": _points(0.0, 0.5)}
+    with pytest.raises(ValueError, match=r"points 0 and 1, .* both at 0 s, and their position"):
+        read_trajectory(write(tmp_path, "other.json", json.dumps(other)))
+    rows = "time,a\n0,0\n0,0\n0.1,0.1\n0.2,0.4\n0.3,0.9\n"
+    with pytest.warns(UserWarning, match="points 1"):
+        assert len(read_trajectory(write(tmp_path, "twice.csv", rows)).time) == 4
+
+
+def test_the_last_digit_is_that_of_the_unit_in_the_file(tmp_path: Path) -> None:
+    rows = "\n".join(f"{k / 100},{k * k / 7:.2f},{k / 13:.4f}" for k in range(20))
+    found = read_trajectory(write(tmp_path, "a.csv", f"time,a [deg],b\n{rows}\n"))
+    assert_allclose(found.last_digits("position"), [1e-4 * np.pi / 180.0, 1e-4])
+    single = np.sin(np.arange(20.0)).astype(np.float32).astype(float)
+    assert last_digit(single) == pytest.approx(np.spacing(np.float32(1.0)) / 2.0)
+    assert last_digit(np.array([-2.0, 0.0, 2.0])) <= 1e-15
+    assert last_digit(np.sin(np.arange(20.0))) <= 1e-14

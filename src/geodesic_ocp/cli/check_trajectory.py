@@ -54,7 +54,7 @@ def check_trajectory(
     """Check that a robot can execute a trajectory; the exit code is 1 if it cannot.
 
     Args:
-        file: trajectory (.csv, .json of ROS 2, or .npz).
+        file: trajectory (.csv, .npz, or a message or goal of ROS 2 in .json or .yaml).
         robot: name (see geodesic-ocp models) or file; twice for two arms, in their order. The name
             of a body stands for one of its arms if the trajectory has the joints of that alone.
         hand: hand frame, for a robot from a file; one for all or for each --robot, or the hands of
@@ -79,8 +79,8 @@ def check_trajectory(
     del settings
     if aligned + (gravity is not None) + bool(alignment) > 1:
         raise ValueError("--aligned, --alignment and --gravity exclude each other")
-    trajectory = read_trajectory(file)
     with printed_warnings():
+        trajectory = read_trajectory(file)
         names = robot if hand else arms_that_move(robot, trajectory.joint_names)
         hands = [hand] if hand and len(robot) == 1 else _for_each("hand", hand, len(robot))
         robots = [

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.ndimage import maximum_filter1d
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.arm_paths import hand_speeds, joint_forces
-from geodesic_ocp.execution.clearance import Clearance, least_distances
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import UNITS, JointLimits, joined_limits, joint_limits
+from geodesic_ocp.execution.sampled_magnitudes import KINDS_OF_MOTION, SampledJoints
+from geodesic_ocp.execution.sampled_torques import SampledTorques
+from geodesic_ocp.execution.trajectory_findings import (
+    BETWEEN,
+    Findings,
+    beyond_positions,
+    contradictions,
+    judge,
+    judge_hands,
+    judge_rest,
+    least_clearance,
+    time_faults,
+)
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.tables import markdown, new_table, text
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -23,12 +34,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _SHOWN = 140  # characters of the first violation
-# Files round numbers to six digits or so: that is no contradiction.
-ROUNDING = (1e-6, 1e-5, 1e-4)  # of positions [rad], velocities [rad/s], accelerations [rad/s^2]
-_SLACK = 1e-3  # fraction of a limit by which a value may exceed it
-_NEARBY = 3  # successive steps over which the jerk is estimated
-_INTERVAL = 0.01  # [s] between the samples at which distances are evaluated
-_NEAR = 1e-6  # [m]: rounding of distances
+_PLURALS = ("positions", "velocities", "accelerations")  # by the order of the derivative
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,6 +52,10 @@ class TrajectoryCheck:
             N]; by "hand_speed", of each model [m/s].
         joint_names: names of the n joints.
         clearance: least of the distances to be kept [m]; None: not checked.
+        not_judged: one sentence for each kind of limit that some joints may exceed or not, as far
+            as the samples tell, and for what a controller does between them if that is not known.
+        between: largest magnitudes (n,) of a controller's quintic interpolation, by "velocity",
+            "acceleration" and "jerk"; empty if velocities or accelerations are not stated.
     """
 
     violations: tuple[str, ...]
@@ -53,14 +63,17 @@ class TrajectoryCheck:
     largest: Mapping[str, Array]
     joint_names: tuple[str, ...]
     clearance: float | None = None
+    not_judged: tuple[str, ...] = ()
+    between: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
-        """True if all conditions hold."""
+        """True if all conditions hold that can be judged."""
         return not self.violations
 
     def __repr__(self) -> str:
-        first = textwrap.shorten("passed" if self.passed else self.violations[0], _SHOWN)
+        passed = f"passed, {len(self.not_judged)} not judged" if self.not_judged else "passed"
+        first = textwrap.shorten(passed if self.passed else self.violations[0], _SHOWN)
         others = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
         peaks = ", ".join(f"{name} {np.max(use):.0%}" for name, use in self.usage.items())
         return f"TrajectoryCheck({first}{others}; of the limits: {peaks})"
@@ -69,8 +82,12 @@ class TrajectoryCheck:
         speeds = ", ".join(f"{speed:.3g} m/s" for speed in self.largest["hand_speed"])
         share = f"{max(self.usage['hand_speed']):.0%} of its limit"
         hand = f"fastest hand: {speeds}" + (f", {share}" if any(self.usage["hand_speed"]) else "")
-        found = self.violations or ("all conditions hold",)
-        return "\n".join([text(self.table()), "", hand, *found])
+        return "\n".join([text(self.table()), "", hand, *self._found])
+
+    @property
+    def _found(self) -> tuple[str, ...]:
+        judged = " that can be judged" if self.not_judged else ""
+        return (*(self.violations or (f"all conditions hold{judged}",)), *self.not_judged)
 
     def table(self) -> DataFrame:
         """Return largest magnitudes and fractions of limits, by joint."""
@@ -83,8 +100,7 @@ class TrajectoryCheck:
         return new_table(tuple(columns), tuple(zip(*columns.values(), strict=True)))
 
     def _repr_markdown_(self) -> str:
-        found = self.violations or ("all conditions hold",)
-        return markdown(self.table()) + "\n" + "\n".join(f"- {each}" for each in found) + "\n"
+        return markdown(self.table()) + "\n" + "\n".join(f"- {each}" for each in self._found) + "\n"
 
 
 def check_trajectory(
@@ -109,6 +125,16 @@ def check_trajectory(
       at least as large.
     - It is at rest at both ends, unless `rest` is False. Then the accelerations there are jumps
       from zero, which limits on jerk concern as well.
+    - Between samples, the quintics of their positions, velocities and accelerations, by which the
+      joint_trajectory_controller of ros2_control interpolates, are within the limits of positions,
+      velocities, accelerations and jerks.
+    - Efforts, if stated, are those of inverse dynamics with this gravity and payload, and within
+      the limits of the torques.
+
+    Derivatives that are not stated (`JointTrajectory.derived`) are judged by divided differences
+    of what is stated: a violation is one whatever the motion does between samples and beyond the
+    last digits. What may or may not exceed a limit is said in `not_judged`, as is a controller's
+    interpolation that is not known.
 
     >>> import geodesic_ocp as go
     >>> import numpy as np
@@ -143,45 +169,82 @@ def check_trajectory(
     count = len(trajectory.joint_names)
     if limit.velocity.size != count:
         raise ValueError(f"limits must be of {count} joints, got {limit.velocity.size}")
-    found = [*_time_faults(trajectory, uniform)]
-    if len(trajectory.time) > 1 and np.all(np.diff(trajectory.time) > 0.0):
-        found += _contradictions(trajectory)
-    lower, upper = (
-        np.concatenate([getattr(each, side) for each in models]) for side in ("lower", "upper")
-    )
-    found += _beyond_positions(trajectory, lower, upper)
+    lower = np.concatenate([each.lower for each in models])
+    upper = np.concatenate([each.upper for each in models])
+    sampled = SampledJoints(trajectory, rest)
+    torques = SampledTorques.of(sampled, models, gravity)
+    contradicted = [*contradictions(trajectory)] if sampled.increasing else []
+    interpolated = sampled.increasing and not trajectory.derived and not contradicted
+    found = [*time_faults(trajectory, uniform), *contradicted]
+    found += beyond_positions(sampled, lower, upper, interpolated)
     usage = {"position": _share_of_range(trajectory.positions, lower, upper)}
     largest: dict[str, Array] = {}
-    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
-    torques = _torques(states, models, gravity)
-    ends = trajectory.positions[[0, -1]]
-    weights = _torques((ends, 0.0 * ends, 0.0 * ends), models, gravity)
-    for name, (instants, sizes) in _magnitudes(trajectory, torques, weights, rest).items():
-        bound = getattr(limit, name)
-        largest[name] = np.max(sizes, axis=0, initial=0.0)
-        usage[name] = largest[name] / bound
-        found += _beyond(trajectory, name, instants, sizes, bound)
-    speeds = _hand_speeds(trajectory, models)
+    judged = dict[str, Findings]()
+    magnitudes = {kind: sampled.of_kind(kind) for kind in KINDS_OF_MOTION}
+    magnitudes |= {"torque": torques.magnitudes, "torque_rate": torques.rates}
+    for kind, each in magnitudes.items():
+        bound = getattr(limit, kind)
+        largest[kind] = np.max(each.sizes, axis=0, initial=0.0)
+        usage[kind] = largest[kind] / bound
+        judged[kind] = judge(trajectory, kind, each, bound, reason=_reason(sampled, kind))
     fastest = np.array([each.hand_speed for each in listed])
-    largest["hand_speed"] = speeds.max(axis=0)
+    speeds = sampled.hand_speeds(models)
+    largest["hand_speed"] = np.max(speeds.sizes, axis=0, initial=0.0)
     usage["hand_speed"] = largest["hand_speed"] / fastest
-    for number, k in _worst(speeds - (1.0 + _SLACK) * fastest):
-        bound = np.broadcast_to(fastest, len(models))[number]
-        found.append(
-            f"the hand {models[number].hand} moves at {speeds[k, number]:.4g} m/s at "
-            f"{trajectory.time[k]:.4g} s, its limit {bound:.4g}"
-        )
+    judged["hand_speed"] = judge_hands(models, speeds, fastest)
     if rest:
-        found += _unrest(trajectory)
+        judged["rest"] = judge_rest(sampled, limit)
+    between: dict[str, Array] = {}
+    for kind in KINDS_OF_MOTION if interpolated else ():
+        each = sampled.between(kind)
+        between[kind] = each.sizes.max(axis=0)
+        # What samples themselves exceed was said.
+        bound = np.where(judged[kind].beyond, np.inf, getattr(limit, kind))
+        digits = "the last digits of the samples alone change it"
+        judged[f"{kind} between"] = judge(
+            trajectory, kind, each, bound, where=BETWEEN, reason=digits
+        )
+    unknown = [each for one in judged.values() for each in one.not_judged]
+    if sampled.increasing and trajectory.derived:
+        unknown.append(_not_interpolated(trajectory))
+    found += [each for one in judged.values() for each in one.violations]
+    found += torques.efforts(trajectory, limit.torque)
     least = None
     if clearance is not None:
-        least, near = _least_clearance(trajectory, clearance)
+        least, near = least_clearance(trajectory, clearance)
         found += near
-    return TrajectoryCheck(tuple(found), usage, largest, trajectory.joint_names, least)
+    return TrajectoryCheck(
+        violations=tuple(found),
+        usage=usage,
+        largest=largest,
+        joint_names=trajectory.joint_names,
+        clearance=least,
+        not_judged=tuple(unknown),
+        between=between,
+    )
+
+
+def _reason(sampled: SampledJoints, kind: str) -> str:
+    """Return why magnitudes of a kind are not known exactly."""
+    rate = sampled.trajectory.rate
+    at = "uneven samples" if rate is None else f"{rate:.4g} Hz"
+    if kind in KINDS_OF_MOTION:
+        return f"derived from {_PLURALS[sampled.source(KINDS_OF_MOTION[kind])]} at {at}"
+    return f"with accelerations derived from {_PLURALS[sampled.source(2)]} at {at}"
+
+
+def _not_interpolated(trajectory: JointTrajectory) -> str:
+    """Return a sentence on what a controller does between samples."""
+    lines = "velocity" in trajectory.derived
+    curves, jumps = ("lines", "velocities") if lines else ("cubics", "accelerations")
+    return (
+        f"not judged: motion between samples: without {' and '.join(trajectory.derived)} of the "
+        f"samples, a controller interpolates by {curves}, whose {jumps} jump at samples"
+    )
 
 
 def of_joints(trajectory: JointTrajectory, joints: Sequence[str]) -> JointTrajectory:
-    """Return the trajectory of these joints, found by name, without torques.
+    """Return the trajectory of these joints, found by name.
 
     Names may differ by prefixes that end in a slash.
 
@@ -201,10 +264,7 @@ def of_joints(trajectory: JointTrajectory, joints: Sequence[str]) -> JointTrajec
                 f"trajectory has {len(found) or 'no'} joints {joint}; it has {', '.join(given)}"
             )
         columns += found
-    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
-    q, v, a = (state[:, columns] for state in states)
-    names, units = (tuple(each[k] for k in columns) for each in (given, trajectory.units))
-    return JointTrajectory(trajectory.time, q, v, a, names, units)
+    return trajectory.columns(columns, [given[k] for k in columns])
 
 
 def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTrajectory:
@@ -223,25 +283,6 @@ def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTraj
     return ordered
 
 
-def _torques(
-    states: tuple[Array, Array, Array], models: Sequence[Model], gravity: ArrayLike
-) -> Array:
-    """Return inverse dynamics of all models at states (k, n) [N m or N]."""
-    falls = np.array(gravity, dtype=float)
-    if falls.shape not in ((3,), (len(models), 3)) or not np.all(np.isfinite(falls)):
-        raise ValueError(f"gravity must be 3 numbers, or 3 for each robot, got {gravity!r}")
-    return joint_forces(models, list(np.broadcast_to(falls, (len(models), 3))), *states)
-
-
-def _hand_speeds(trajectory: JointTrajectory, models: Sequence[Model]) -> Array:
-    """Return speeds of the hands of all models at the samples (k, models) [m/s]."""
-    ends = np.cumsum([model.dof for model in models])[:-1]
-    states = (
-        np.split(each, ends, axis=1) for each in (trajectory.positions, trajectory.velocities)
-    )
-    return np.stack([hand_speeds(*each) for each in zip(models, *states, strict=True)], axis=1)
-
-
 def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
     """Return largest distance from the middle of the range over half the range (n,); 0 if
     unlimited.
@@ -250,159 +291,3 @@ def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
     low, high = (np.where(limited, side, 0.0) for side in (lower, upper))
     half = np.where(limited, np.maximum((high - low) / 2.0, np.finfo(float).tiny), np.inf)
     return np.asarray(np.max(np.abs(positions - (low + high) / 2.0) / half, axis=0, initial=0.0))
-
-
-def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Array]]:
-    """Return whether velocities are the derivatives of positions, and accelerations of velocities.
-
-    The trapezoidal rule over a step h is wrong by at most J h^3 / 12 for positions and J h^2 / 4
-    for velocities where the jerk is at most J, and by at most J h^3 / 8 and J h^2 / 2 where the
-    acceleration jumps by J h within the step. The bounds are the latter, with the J that the
-    accelerations in the file show in this step and its neighbours, plus rounding to six digits.
-    They are of third and second order in h.
-
-    Returns:
-        By "velocity" and "acceleration", differences between samples less the trapezoidal integral
-        of it, (k - 1, n), and the largest magnitudes that these have if samples are consistent.
-    """
-    h = np.diff(trajectory.time)[:, None]
-    q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
-    jerk = maximum_filter1d(np.abs(np.diff(a, axis=0)) / h, _NEARBY, axis=0, mode="nearest")
-    missed = [np.diff(x, axis=0) - h * (dx[1:] + dx[:-1]) / 2.0 for x, dx in ((q, v), (v, a))]
-    return {
-        "velocity": (missed[0], jerk * h**3 / 8.0 + ROUNDING[0]),
-        "acceleration": (missed[1], jerk * h**2 / 2.0 + ROUNDING[1]),
-    }
-
-
-def _time_faults(trajectory: JointTrajectory, uniform: bool) -> Iterator[str]:
-    """Yield times that do not increase or are not evenly spaced."""
-    steps = np.diff(trajectory.time)
-    if not steps.size:
-        yield "the trajectory has one sample only"
-    elif not np.all(steps > 0.0):
-        k = int(np.argmin(steps > 0.0))
-        yield (
-            f"time does not increase: sample {k + 1} at {trajectory.time[k + 1]:.6g} s follows "
-            f"{trajectory.time[k]:.6g} s"
-        )
-    elif uniform and trajectory.rate is None:
-        yield (
-            f"samples are not evenly spaced: steps of {1e3 * steps.min():.4g} to "
-            f"{1e3 * steps.max():.4g} ms"
-        )
-
-
-def _worst(excess: Array) -> Iterator[tuple[int, int]]:
-    """Yield column and row of the largest number of each column (m, n) that has a positive one."""
-    for column in np.flatnonzero(np.max(excess, axis=0, initial=0.0) > 0.0).tolist():
-        yield column, int(np.argmax(excess[:, column]))
-
-
-def _contradictions(trajectory: JointTrajectory) -> Iterator[str]:
-    """Yield velocities that are not derivatives of positions, accelerations not of velocities."""
-    time, found = trajectory.time, sample_consistency(trajectory)
-    words = ("velocities", "positions", ""), ("accelerations", "velocities", "/s")
-    for (kind, of, per), (missed, bounds) in zip(words, found.values(), strict=True):
-        for joint, k in _worst(np.abs(missed) / bounds - 1.0):
-            yield (
-                f"{kind} of {trajectory.joint_names[joint]} contradict its {of}: from "
-                f"{time[k]:.4g} to {time[k + 1]:.4g} s they miss the change by "
-                f"{abs(missed[k, joint]):.3g} {trajectory.units[joint]}{per}, at most "
-                f"{bounds[k, joint]:.2g} is due to sampling"
-            )
-
-
-def _beyond_positions(trajectory: JointTrajectory, lower: Array, upper: Array) -> Iterator[str]:
-    """Yield joints that leave their range of positions."""
-    q = trajectory.positions
-    for joint, k in _worst(np.maximum(lower - q, q - upper) - ROUNDING[0]):
-        yield (
-            f"{trajectory.joint_names[joint]} is at {q[k, joint]:.4g} {trajectory.units[joint]} at "
-            f"{trajectory.time[k]:.4g} s, outside its range of {lower[joint]:.4g} to "
-            f"{upper[joint]:.4g}"
-        )
-
-
-def _magnitudes(
-    trajectory: JointTrajectory, torques: Array, weights: Array, rest: bool
-) -> dict[str, tuple[Array, Array]]:
-    """Return times (m,) and magnitudes (m, n) of velocity, acceleration, jerk, torque and its rate.
-
-    Samples, and means over steps, which the true largest magnitudes are not below; less what
-    rounding in a file may add. At ends at rest, an acceleration is a jump from zero, and a torque
-    one from the weight (2, n).
-    """
-    time, a = trajectory.time, trajectory.accelerations
-    forward = np.diff(time)[:, None]
-    steps = np.where(forward > 0.0, forward, np.inf)  # elsewhere there is no mean
-    middles = (time[1:] + time[:-1]) / 2.0
-
-    def means(values: Array, rounding: float) -> Array:
-        return np.maximum(np.abs(np.diff(values, axis=0)) - rounding, 0.0) / steps
-
-    jerk, rate = (middles, means(a, ROUNDING[2])), (middles, means(torques, ROUNDING[2]))
-    if rest and len(steps):
-        with_ends = np.append(middles, time[[0, -1]])
-        jumps = a[[0, -1]], torques[[0, -1]] - weights
-        jerk, rate = (
-            (
-                with_ends,
-                np.vstack([inner, np.maximum(np.abs(jump) - ROUNDING[2], 0.0) / steps[[0, -1]]]),
-            )
-            for (_, inner), jump in zip((jerk, rate), jumps, strict=True)
-        )
-    both = np.append(time, middles)
-    q, v = trajectory.positions, trajectory.velocities
-    return {
-        "velocity": (both, np.vstack([np.abs(v), means(q, ROUNDING[0])])),
-        "acceleration": (both, np.vstack([np.abs(a), means(v, ROUNDING[1])])),
-        "jerk": jerk,
-        "torque": (time, np.abs(torques)),
-        "torque_rate": rate,
-    }
-
-
-def _beyond(
-    trajectory: JointTrajectory, kind: str, at: Array, sizes: Array, limits: Array
-) -> Iterator[str]:
-    """Yield joints whose magnitudes (m, n) at instants (m,) exceed their limits (n,)."""
-    for joint, k in _worst(sizes - (1.0 + _SLACK) * limits):
-        unit = UNITS[kind].split(", ")[trajectory.units[joint] == "m"]
-        mean = kind in ("jerk", "torque_rate") or k >= len(trajectory.time)
-        yield (
-            f"{kind.replace('_', ' ')} of {trajectory.joint_names[joint]} is "
-            f"{sizes[k, joint]:.4g} {unit}"
-            + (" on average over the step" if mean else "")
-            + f" at {at[k]:.4g} s, its limit {limits[joint]:.4g}"
-        )
-
-
-def _unrest(trajectory: JointTrajectory) -> Iterator[str]:
-    """Yield joints that move at the first or the last sample."""
-    for k, end in ((0, "begins"), (-1, "ends")):
-        speeds = np.abs(trajectory.velocities[k])
-        for joint in np.flatnonzero(speeds > ROUNDING[1]).tolist():
-            yield (
-                f"{trajectory.joint_names[joint]} {end} at {speeds[joint]:.3g} "
-                f"{trajectory.units[joint]}/s at {trajectory.time[k]:.4g} s, not at rest"
-            )
-
-
-def _least_clearance(trajectory: JointTrajectory, clearance: Clearance) -> tuple[float, list[str]]:
-    """Get the least of all distances [m], and a sentence for each that is below its lower bound."""
-    joints = len(trajectory.joint_names)
-    if clearance.dof != joints:
-        raise ValueError(f"clearance must be of the {joints} joints of all models: {clearance!r}")
-    last = len(trajectory.time) - 1
-    stride = max(int(_INTERVAL * last / max(trajectory.duration, _NEAR) + 1e-9), 1)
-    chosen = np.unique(np.append(np.arange(0, last, stride), last))
-    least, samples = least_distances(clearance, trajectory.positions[chosen])
-    near = []
-    for k in np.flatnonzero(least < clearance.lower - _NEAR).tolist():
-        near.append(
-            f"{clearance.names[k]}: {least[k]:.3g} m apart at "
-            f"{trajectory.time[chosen[samples[k]]]:.4g} s, at least {clearance.lower[k]:.3g} m "
-            "must remain"
-        )
-    return float(least.min()), near

@@ -21,7 +21,13 @@ from geodesic_ocp.execution.arm_paths import (
 )
 from geodesic_ocp.execution.clearance import Clearance, joined_clearance
 from geodesic_ocp.execution.limits import LimitShares
-from geodesic_ocp.execution.trajectory_rounds import MOST_ROUNDS, TOLERANCE, solve_in_rounds
+from geodesic_ocp.execution.room_between import slower_between
+from geodesic_ocp.execution.trajectory_rounds import (
+    MOST_ROUNDS,
+    TOLERANCE,
+    slowed,
+    solve_in_rounds,
+)
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.synergies.scores import nearest_on_path
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -264,6 +270,7 @@ def plan_trajectory(
     rest: bool = True,
     clearances: Sequence[Clearance] = (),
     deviation_weight: float = 1.0,
+    rate: float = 100.0,
     progress: Progress = no_progress,
     throw: bool = True,
 ) -> PlannedTrajectory:
@@ -272,9 +279,11 @@ def plan_trajectory(
 
     A cubic spline in time, from a nonlinear program that is solved by Ipopt: positions, velocities
     and accelerations are continuous, and they, jerks and torques (inverse dynamics with gravity)
-    are within the limits everywhere. No interval between edges is shorter than the person's. The
-    time beyond it is what is minimized, together with the distance from the paths; in corners
-    between paths, which the arms pass without stopping, the trajectory leaves them.
+    are within the limits everywhere. Velocities, accelerations and jerks of the quintics by which
+    controllers interpolate its samples are as well (`slower_between`). No interval between edges is
+    shorter than the person's. The time beyond it is what is minimized, together with the distance
+    from the paths; in corners between paths, which the arms pass without stopping, the trajectory
+    leaves them.
 
     >>> import numpy as np
     >>> import geodesic_ocp as go
@@ -295,6 +304,7 @@ def plan_trajectory(
         deviation_weight: deviation weight of the squared distance from the paths against the time.
             At 1, a distance of 0.1 rad that is kept up all the time costs as much as doubling the
             time.
+        rate: samples per second that a controller will receive [Hz], or more.
         progress: called in every round; there are at most fifteen, and three as a rule.
         throw: raise if no trajectory within the limits is found; otherwise return the last attempt,
             whose `success` is False.
@@ -307,6 +317,7 @@ def plan_trajectory(
     begin = time.perf_counter()
     arms = (arms,) if isinstance(arms, ArmPaths) else tuple(arms)
     weight = as_positive("deviation_weight", deviation_weight)
+    rate = as_positive("rate", rate, "Hz")
     check_arms(arms)
     dof = sum(arm.robot.dof for arm in arms)
     for clearance in clearances:
@@ -318,9 +329,14 @@ def plan_trajectory(
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(
-        *(arms, possible, bool(rest), weight),
-        lambda number: progress("trajectory", number, MOST_ROUNDS),
+        arms,
+        possible,
+        rest=bool(rest),
+        deviation_weight=weight,
+        progress=lambda number: progress("trajectory", number, MOST_ROUNDS),
     )
+    if found.success:
+        found = slowed(found, slower_between(found.checks, 1.0 / rate, bool(rest)))
     knots = found.program.knots
     times, sizes = knots.times(found.states.durations), [len(each.names) for each in clearances]
     least = np.split(found.distances.min(axis=(0, 1)), np.cumsum(sizes)[:-1])

@@ -10,7 +10,8 @@ Between two knots a duration h apart the jerk is constant, so that
     v1 = v0 + h (a0 + a1) / 2,    q1 = q0 + h v0 + h^2 (2 a0 + a1) / 6.
 
 Position and velocity are polynomials between their Bezier coefficients, which are kept within the
-limits: q0, q0 + h v0 / 3, q1 - h v1 / 3, q1, and v0, v0 + h a0 / 2, v1.
+limits: q0, q0 + h v0 / 3, q1 - h v1 / 3, q1, and v0, v0 + h a0 / 2, v1. Jerks are kept within the
+limits with the overshoot of a controller that interpolates samples (`jerks_between`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -38,6 +40,7 @@ from geodesic_ocp.execution.arm_paths import (
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.trajectory.interpolation import JERK_OVERSHOOT
 
 _TOUCHES = 1e-5  # of a position limit [rad or m]
 _UNLIMITED = np.array([[1.0], [1.0], [10.0], [1.0]])  # units of joints without limits
@@ -135,19 +138,47 @@ class ArmTerms(Course):
         """Return a limit between the knots, of one joint in one piece each.
 
         Args:
-            kind: "jerk"; "velocity", the Bezier coefficient in the middle; "position", the two.
+            kind: "velocity", the Bezier coefficient in the middle; "position", the two; "jerk",
+                that of a controller's interpolation around the end of the piece.
             pairs: (k, 2), numbers of the piece and of the joint.
         """
+        if kind == "jerk":
+            return self._jerks(pairs)
         (piece, joint), knots = pairs.T, self.knots
         first = self.first + 3 * self.dof * piece + joint
         offsets = self.dof * np.arange(6)  # the states of a knot are followed by the next one's
         columns = np.hstack([first[:, None] + offsets, knots.interval[piece][:, None]])
-        values = np.column_stack([knots.fraction[piece], *self.units[1:, joint]])
+        values = np.column_stack([knots.fraction[piece], *self.units[1:3, joint]])
         upper = np.full((len(pairs), 1), 1.0 - INSIDE)
         lower = -upper
         if kind == "position":
             lower, upper = (np.repeat(side[joint, None], 2, axis=1) for side in self.arm.ranges)
         return Block(_between_knots(kind), columns, values, lower, upper)
+
+    def _jerks(self, pairs: Indices) -> Block:
+        """Return the jerks that a quintic through samples has around the ends of pieces.
+
+        The jerk of the last piece ends in that of a rest, as if of a piece of the same duration
+        that begins and ends with the last acceleration.
+        """
+        piece, joint = pairs.T
+        knots = self.knots
+        n = self.dof
+        last = knots.count
+        following = np.minimum(piece + 1, last - 1)
+        accelerations = self.first + 2 * n + joint + 3 * n * piece
+        end = self.first + 2 * n + joint + 3 * n * np.minimum(piece + 2, last)
+        columns = np.column_stack(
+            [
+                *(accelerations, accelerations + 3 * n, end),
+                *(knots.interval[piece], knots.interval[following]),
+            ]
+        )
+        values = np.column_stack(
+            [knots.fraction[piece], knots.fraction[following], *self.units[2:, joint]]
+        )
+        upper = np.full((len(pairs), 2), 1.0 - INSIDE)
+        return Block(_jerks(), columns, values, -upper, upper)
 
     def torques(self, knots: Indices, shares: Array) -> Block:
         """Return torques at some of the knots (k,), within shares (k, n) of their limits."""
@@ -211,14 +242,33 @@ def _motion(n: int) -> Terms:
     return Terms(z, p, step * ca.sumsqr(a1 - a0), equations)
 
 
-@lru_cache(maxsize=3)
+@lru_cache(maxsize=1)
+def _jerks() -> Terms:
+    z, p = ca.SX.sym("z", 5), ca.SX.sym("p", 4)
+    a0, a1, a2, before, after = ca.vertsplit(z)
+    first, second, growth, limit = ca.vertsplit(p)
+    begin = (a1 - a0) * growth / (first * before * limit)
+    end = (a2 - a1) * growth / (second * after * limit)
+    return Terms(z, p, 0.0, ca.vertcat(*jerks_between(begin, end)))
+
+
+def jerks_between(begin: Any, end: Any) -> tuple[Any, Any]:
+    """Return the extreme jerks of a quintic through samples around a step of the jerk.
+
+    Wherever the step is between two samples, the quintic overshoots it by up to `JERK_OVERSHOOT`
+    times the step at both of its ends.
+    """
+    more = JERK_OVERSHOOT * (end - begin)
+    return begin - more, end + more
+
+
+@lru_cache(maxsize=2)
 def _between_knots(kind: str) -> Terms:
-    z, p = ca.SX.sym("z", 7), ca.SX.sym("p", 4)
-    q0, v0, a0, q1, v1, a1, duration = ca.vertsplit(z)
-    fraction, speed, growth, jerk = ca.vertsplit(p)
+    z, p = ca.SX.sym("z", 7), ca.SX.sym("p", 3)
+    q0, v0, a0, q1, v1, _, duration = ca.vertsplit(z)
+    fraction, speed, growth = ca.vertsplit(p)
     h = fraction * duration
     rows = {
-        "jerk": (a1 - a0) * growth / (h * jerk),
         "velocity": v0 + h * growth * a0 / (2 * speed),
         "position": ca.vertcat(q0 + h * speed * v0 / 3, q1 - h * speed * v1 / 3),
     }

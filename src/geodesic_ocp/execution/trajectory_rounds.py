@@ -34,8 +34,10 @@ from geodesic_ocp.execution.trajectory_program import (
     TrajectoryProgram,
     Watched,
     WatchedArm,
+    jerks_between,
 )
 from geodesic_ocp.ipopt import Outcome
+from geodesic_ocp.trajectory.interpolation import JERK_OVERSHOOT
 
 TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances
 _SAMPLES, _FEW = 21, 7  # of every piece, both ends included, for torques and for distances
@@ -59,17 +61,19 @@ class ArmCheck:
         """Largest shares in every piece (k, n) by the kind of limit; all are exact.
 
         Positions count from the ends of their ranges: one and the distance beyond [rad or m].
+        Jerks are those of a controller's interpolation around the end of a piece.
         """
         spline, limits, (lower, upper) = self.spline, self.arm.limits, self.arm.ranges
         low, high = spline.extreme_positions
         beyond = np.maximum(lower - low, high - upper)
         _, _, a, jerk = spline(spline.curve.x)
+        jerk[-1] = 0.0  # of the rest that follows
         growth = np.abs(a) / limits.acceleration
         return {
             "position": 1.0 + OUTSIDE + beyond,
             "velocity": spline.extreme_velocities / limits.velocity,
             "acceleration": np.maximum(growth[:-1], growth[1:]),
-            "jerk": np.abs(jerk[:-1]) / limits.jerk,
+            "jerk": np.max(np.abs(jerks_between(jerk[:-1], jerk[1:])), axis=0) / limits.jerk,
         }
 
     @cached_property
@@ -104,6 +108,8 @@ class ArmCheck:
     def shares(self) -> LimitShares:
         """Largest shares of the whole spline, without positions."""
         of_joints = {name: self.largest[name] for name in QUANTITIES}
+        jerks = np.abs(self.spline(self.spline.curve.x)[3]).max(axis=0)
+        of_joints["jerk"] = jerks / self.arm.limits.jerk
         return LimitShares(**of_joints, hand_speed=float(self.largest["hand_speed"][0]))
 
     @property
@@ -138,7 +144,9 @@ def watched_at_first(program: TrajectoryProgram, states: KnotStates) -> Watched:
     """
     steps, arms = program.knots.steps(states.durations)[:, None], []
     for terms, (q, v, _) in zip(program.terms, states.arms, strict=True):
-        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
+        # From rest, the overshoot of a controller's interpolation left out.
+        jerk = terms.arm.limits.jerk / (1.0 + JERK_OVERSHOOT)
+        slow = np.argwhere(jerk * steps < terms.units[2])
         least, sampled = _FAST * terms.arm.limits.hand_speed, {}
         if np.isfinite(least):
             fast = hand_speeds(terms.arm.robot, q, v) > least
@@ -268,6 +276,7 @@ class TrajectoryAttempt:
 def solve_in_rounds(
     arms: Sequence[ArmPaths],
     clearance: Clearance,
+    *,
     rest: bool,
     deviation_weight: float,
     progress: Callable[[int], object],
@@ -301,7 +310,7 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
         if not found.outcome.success or (found.success and found.change <= _SETTLED):
             return found, None
         if number >= _LATE and TOLERANCE < found.excess <= _SLIGHTLY:
-            attempts.append(_slowed(found))
+            attempts.append(replace(slowed(found, 1.0 + found.excess), iterations=0))
             if attempts[-1].success:
                 return attempts[-1], None
         program, states = found.program, found.states
@@ -329,13 +338,14 @@ def _attempt(start: _Start, most: int) -> TrajectoryAttempt:
     return _checked(program, program.states(outcome.x), watched, change, outcome)
 
 
-def _slowed(found: TrajectoryAttempt) -> TrajectoryAttempt:
-    """Return the same motion, slower by its excess over the limits."""
-    slower = 1.0 + found.excess
+def slowed(found: TrajectoryAttempt, slower: float) -> TrajectoryAttempt:
+    """Return the same motion, so many times slower, with the iterations that found it."""
+    if slower == 1.0:
+        return found
     arms = tuple(states / slower ** np.arange(3.0)[:, None, None] for states in found.states.arms)
     states = KnotStates(found.states.durations * slower, arms)
     given = found.program, states, found.watched, found.excess, found.outcome
-    return replace(_checked(*given), iterations=0)
+    return replace(_checked(*given), iterations=found.iterations)
 
 
 def _checked(

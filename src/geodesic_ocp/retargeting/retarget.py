@@ -400,6 +400,7 @@ class _Plan:
             arms,
             rest=settings.rest,
             deviation_weight=settings.deviation_weight,
+            rate=self.rate,
             progress=self.report,
         )
         planned = None

@@ -5,10 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from math import perm
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -20,15 +19,14 @@ from scipy.interpolate import PPoly, make_interp_spline
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array
 from geodesic_ocp.records import write_together
 from geodesic_ocp.trajectory.exports import EXPORTS, NANO, library
+from geodesic_ocp.trajectory.interpolation import quintic
 
 _SUFFIXES = (".csv", ".json", ".npz", *EXPORTS)
 _EVEN = 1e-4  # largest deviation of an even step, of its length
 KINDS = ("position", "velocity", "acceleration", "effort")  # of columns of a table
+# The attribute of each kind.
+_ARRAYS = dict(zip(KINDS, ("positions", "velocities", "accelerations", "efforts"), strict=True))
 _METRES = ("m", "m/s", "m/s^2", "N")  # their units for a joint in metres
-# Powers of s in [0, 1] of the quintic with q, h q', h^2 q'' at 0 and 1: coefficients (6, 6).
-_COEFFICIENTS = np.linalg.inv(
-    [[perm(k, d) * s ** max(k - d, 0) for k in range(6)] for s in (0.0, 1.0) for d in range(3)]
-)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,6 +39,9 @@ class JointTrajectory(ShortRepr):
         joint_names: names of the n columns.
         units: units of the positions, "rad" or "m" for each joint; empty: all "rad".
         efforts: torques or forces of the joints (k, n) [N m or N], or None.
+        derived: "velocity", "acceleration", if these were not stated but derived from the others.
+        digits: by kind ("position", "velocity" and so on), what the last digit of its numbers
+            stands for (n,), of a file whose unit was another one; see `last_digits`.
 
     Raises:
         ValueError: arrays of the wrong shape, numbers that are not finite, no sample, joints that
@@ -54,6 +55,8 @@ class JointTrajectory(ShortRepr):
     joint_names: tuple[str, ...]
     units: tuple[str, ...] = ()
     efforts: Array | None = None
+    derived: tuple[str, ...] = ()
+    digits: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = tuple(str(name) for name in self.joint_names)
@@ -68,18 +71,20 @@ class JointTrajectory(ShortRepr):
             raise ValueError(f"units must be 'rad' or 'm' for each joint, got {self.units!r}")
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "units", units)
-        for field in fields(self):
-            values = getattr(self, field.name)
-            if field.name in ("joint_names", "units") or values is None:
+        if not set(self.derived) <= set(KINDS[1:3]):
+            raise ValueError(f"derived must be among {', '.join(KINDS[1:3])}: {self.derived!r}")
+        for name in ("time", *_ARRAYS.values()):
+            values = getattr(self, name)
+            if values is None:
                 continue
-            array = real_array(values, field.name)
-            expected = shape[:1] if field.name == "time" else shape
+            array = real_array(values, name)
+            expected = shape[:1] if name == "time" else shape
             if array.shape != expected:
-                raise ValueError(f"{field.name} must have shape {expected}, got {array.shape}")
+                raise ValueError(f"{name} must have shape {expected}, got {array.shape}")
             if not np.all(np.isfinite(array)):
                 sample = int(np.argwhere(~np.isfinite(array))[0, 0])
-                raise ValueError(f"{field.name} must be finite, sample {sample} is not")
-            object.__setattr__(self, field.name, array)
+                raise ValueError(f"{name} must be finite, sample {sample} is not")
+            object.__setattr__(self, name, array)
 
     _shown = ("joint_names", "duration", "rate")
 
@@ -97,6 +102,7 @@ class JointTrajectory(ShortRepr):
             if not np.array_equal(part.time, parts[0].time):
                 raise ValueError("trajectories side by side must be sampled at the same times")
         efforts = [part.efforts for part in parts if part.efforts is not None]
+        known = [kind for kind in KINDS if kind != "effort" or len(efforts) == len(parts)]
         return cls(
             parts[0].time,
             np.hstack([part.positions for part in parts]),
@@ -105,16 +111,35 @@ class JointTrajectory(ShortRepr):
             tuple(joint_names),
             tuple(unit for part in parts for unit in part.units),
             np.hstack(efforts) if len(efforts) == len(parts) else None,
+            tuple(kind for kind in KINDS if any(kind in part.derived for part in parts)),
+            {kind: np.hstack([part.last_digits(kind) for part in parts]) for kind in known},
         )
 
-    def columns(self, chosen: slice, joint_names: Sequence[str]) -> JointTrajectory:
+    def columns(self, chosen: slice | Sequence[int], joint_names: Sequence[str]) -> JointTrajectory:
         """Return some columns, as of one of several arms `side_by_side`, under these names."""
-        arrays = ("positions", "velocities", "accelerations", "efforts")
+        numbers = np.arange(len(self.joint_names))[chosen]
         cut: dict[str, Any] = {
-            name: None if (given := getattr(self, name)) is None else given[:, chosen]
-            for name in arrays
+            name: None if (given := getattr(self, name)) is None else given[:, numbers]
+            for name in _ARRAYS.values()
         }
-        return replace(self, **cut, joint_names=tuple(joint_names), units=self.units[chosen])
+        units = tuple(self.units[k] for k in numbers)
+        digits = {kind: each[numbers] for kind, each in self.digits.items()}
+        return replace(self, **cut, joint_names=tuple(joint_names), units=units, digits=digits)
+
+    def last_digits(self, kind: str) -> Array:
+        """Return what the last digit of a kind of numbers stands for (n,), such as 1e-6 [rad].
+
+        Raises:
+            ValueError: there are no such numbers.
+        """
+        if kind not in self._found_digits:
+            raise ValueError(f"the trajectory has no {kind}")
+        return self.digits.get(kind, self._found_digits[kind])
+
+    @cached_property
+    def _found_digits(self) -> dict[str, Array]:
+        count = len(self.joint_names)
+        return {kind: np.full(count, last_digit(each)) for kind, each in self._by_kind().items()}
 
     @classmethod
     def from_positions(
@@ -142,7 +167,9 @@ class JointTrajectory(ShortRepr):
             )
         spline = make_interp_spline(whole.time, values, k=3)
         velocities, accelerations = (spline.derivative(k)(whole.time) for k in (1, 2))
-        return cls(whole.time, values, velocities, accelerations, whole.joint_names, whole.units)
+        return replace(
+            whole, velocities=velocities, accelerations=accelerations, derived=KINDS[1:3]
+        )
 
     @property
     def duration(self) -> float:
@@ -178,8 +205,15 @@ class JointTrajectory(ShortRepr):
         instants = np.linspace(self.time[0], self.time[-1], steps + 1)
         q, v, a = self.states(instants)
         time = self.time[0] + np.arange(steps + 1) / rate
-        names = self.joint_names, self.units
-        return JointTrajectory(time, q, v / stretch, a / stretch**2, *names)
+        return replace(
+            self,
+            time=time,
+            positions=q,
+            velocities=v / stretch,
+            accelerations=a / stretch**2,
+            efforts=None,
+            digits={kind: self.last_digits(kind) for kind in KINDS[:3]},
+        )
 
     def states(self, times: ArrayLike) -> tuple[Array, Array, Array]:
         """Return positions, velocities and accelerations (k, n) each at times (k,) [s], as in
@@ -193,19 +227,11 @@ class JointTrajectory(ShortRepr):
 
     @cached_property
     def _spline(self) -> PPoly:
-        """Quintic interpolant, twice continuously differentiable, with an error of order six."""
-        h, q, start = np.diff(self.time)[:, None], self.positions, self.positions[:-1]
-        v, a = self.velocities, self.accelerations
-        # Positions from the start of each interval, so that no digits of short ones are lost.
-        ends = [0.0 * start, h * v[:-1], h**2 * a[:-1], q[1:] - start, h * v[1:], h**2 * a[1:]]
-        powers = np.einsum("ab,bkn->akn", _COEFFICIENTS, ends) / h ** np.arange(6)[:, None, None]
-        powers[0] = start
-        return PPoly.construct_fast(powers[::-1], self.time)
+        return quintic(self.time, self.positions, self.velocities, self.accelerations)
 
     def _by_kind(self) -> dict[str, Array]:
-        values = self.positions, self.velocities, self.accelerations, self.efforts
-        named = zip(KINDS, values, strict=True)
-        return {kind: array for kind, array in named if array is not None}
+        named = {kind: getattr(self, name) for kind, name in _ARRAYS.items()}
+        return {kind: array for kind, array in named.items() if array is not None}
 
     def csv(self) -> str:
         """Return CSV with time_from_start and the position, velocity and acceleration of each
@@ -290,6 +316,31 @@ class JointTrajectory(ShortRepr):
         content = written if isinstance(written, bytes) else written.encode("utf-8")
         write_together(path.parent, lambda folder: (folder / path.name).write_bytes(content))
         return path
+
+
+def last_digit(values: Array) -> float:
+    """Return what the last digit of numbers stands for: a power of ten, or the spacing of floats.
+
+    >>> last_digit(np.array([0.25, 0.5, 1.125]))
+    0.001
+
+    The coarsest power of ten of which all are multiples. Numbers of single precision count as such.
+    Fewer than three significant digits, as of -2, 0 and 2, are no rounding: such numbers are exact.
+    """
+    largest = float(np.abs(values).max(initial=0.0))
+    finest = float(np.spacing(max(largest, np.finfo(float).tiny)))
+    for decimals in range(np.finfo(float).precision):
+        scaled = values * 10.0**decimals
+        if np.all(np.abs(scaled - np.rint(scaled)) <= np.spacing(np.abs(scaled))):
+            found = 10.0**-decimals
+            if 100.0 * found > largest:  # at most two significant digits
+                return finest
+            break
+    else:
+        found = finest
+    if np.array_equal(values, values.astype(np.float32)):
+        found = max(found, float(np.spacing(np.float32(largest))))
+    return found
 
 
 def check_export(file: Path) -> None:
