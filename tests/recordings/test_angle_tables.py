@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.angle_tables import Gaps
+from geodesic_ocp.recordings.formats.series import Gaps
 
 JOINTS = ("RSx_joint", "REx_joint")
 TIME = np.arange(301) / 100.0

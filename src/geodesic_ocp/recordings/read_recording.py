@@ -23,8 +23,8 @@ from geodesic_ocp.model.human import (
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.segment_orientations import joint_angles
-from geodesic_ocp.recordings.formats.angle_tables import Gaps
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
+from geodesic_ocp.recordings.formats.series import Gaps, without_gaps
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
@@ -129,13 +129,15 @@ def read_motion(
         up: the axis that points upwards in the space of a skeleton, such as "y" or "-z".
         columns: which columns of a table are which joints: by joint the name of a column, or a
             `Column` with sign, unit and offset; or a CSV file ours,theirs,sign,unit,offset.
-        fill: longest gap of a table, of empty cells or nan, that is bridged [s]; none by default.
-        part: number of a part of a table, from 1, between longer gaps.
+        fill: longest gap that is bridged [s]: empty cells, nan, or numbers that stand for a gap,
+            such as rows of zeros, to which joints jump and back; none by default.
+        part: number of a part, from 1, between longer gaps.
 
     Raises:
-        RecordingError: the file is missing, of an unknown format, or malformed, or its angles look
-            like degrees though they should be radians; the message names the file, the line or
-            element, and what was expected there.
+        RecordingError: the file is missing, of an unknown format, or malformed, it has gaps that
+            are not bridged and no part between them is asked for, or its angles look like degrees
+            though they should be radians; the message names the file, the line or element, and
+            what was expected there.
         ValueError: an argument that does not apply to files of this format.
     """
     file = Path(path)
@@ -152,11 +154,15 @@ def read_motion(
     arguments |= {"up": up, "columns": columns, "fill": fill, "part": part}
     given = {name: value for name, value in arguments.items() if value is not None}
     check_stated(file, kind, given)
+    own = {name: value for name, value in given.items() if name in FORMATS[kind].arguments}
     with named_failures(file):
         if FORMATS[kind].content == "segments":
-            return joint_angles(FORMATS[kind].read(file, **given), joints)
-        motion: Motion = FORMATS[kind].read(file, joints, **given)
-        if kind not in ("opensim", "bids angles"):  # whose columns have their unit stated
+            motion = joint_angles(FORMATS[kind].read(file, **own), joints)
+        else:
+            motion = FORMATS[kind].read(file, joints, **own)
+        if "fill" not in FORMATS[kind].arguments:  # readers of columns leave out gaps themselves
+            motion = without_gaps(file, motion, fill, part)
+        if kind in ("mmm", "table"):  # of others the unit of the columns is stated
             check_radians(motion.joint_names, motion.q)
         return motion
 
@@ -164,8 +170,8 @@ def read_motion(
 def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
     """Raise ValueError if arguments of these names do not apply to files of this format."""
     for name in names:
-        if name not in FORMATS[kind].arguments:
-            others = " and ".join(e.label for e in FORMATS.values() if name in e.arguments)
+        if name not in FORMATS[kind].applicable:
+            others = " and ".join(e.label for e in FORMATS.values() if name in e.applicable)
             raise ValueError(f"{name} is for {others}; {file} is {FORMATS[kind].label}")
 
 
@@ -178,7 +184,7 @@ def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
         kind = recognise(file)
     except (RecordingError, OSError):
         return {}
-    return {name: value for name, value in arguments.items() if name in FORMATS[kind].arguments}
+    return {name: value for name, value in arguments.items() if name in FORMATS[kind].applicable}
 
 
 def read_recording(
@@ -225,7 +231,7 @@ def read_recording(
             `read_motion`.
         up: the axis that points upwards in a file of markers or of a skeleton.
         marker_set: where the markers are, or a file that says so, see `fit_markers`.
-        columns, fill, part: columns of a table, and its gaps, see `read_motion`.
+        columns, fill, part: columns of a table, and gaps, see `read_motion`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.

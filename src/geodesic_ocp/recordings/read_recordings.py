@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.formats.angle_tables import Gaps
+from geodesic_ocp.recordings.formats.series import Gaps
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis
 from geodesic_ocp.recordings.read_recording import (

@@ -37,6 +37,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.series import Series
 from geodesic_ocp.recordings.formats.text_lines import (
     LENGTHS,
     is_time,
@@ -46,7 +47,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
 )
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.trajectory.motion import Motion, Subject
+from geodesic_ocp.trajectory.motion import Subject
 
 _MISSING = ("", "nan", "-nan")
 
@@ -384,8 +385,8 @@ def is_translation(name: str) -> bool:
     return _TRANSLATION.search(name) is not None
 
 
-def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
-    """Read all coordinates of a .mot or .sto file.
+def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Series:
+    """Read all coordinates of a .mot or .sto file, with NaN where it has nan or empty cells.
 
     A header whose nRows or nColumns is not what follows gives a RuntimeWarning.
 
@@ -422,17 +423,18 @@ def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
         rows = read_rows(lines, first + 1, labels, separator, "the names of columns {}")
         compare_count(file, header, "nrows", "rows", len(rows.cells))
         compare_count(file, header, "ncolumns", "columns", len(labels))
-        values = rows.at(range(len(labels)))
-        q = values[:, kept].reshape(len(values), len(names))
+        q = rows.at(kept, missing=True)
         angles = [
             k for k, each in enumerate(names) if not (is_translation(each) or each in translations)
         ]
-        if factor == 1.0:
-            check_radians([names[k] for k in angles], q[:, angles])
-        else:
-            ask_about_degrees(str(file), q[:, angles])
+        stated = q[:, angles]
         q[:, angles] *= factor
-        return Motion(values[:, 0], q, tuple(names))
+        series = Series(rows.at([0])[:, 0], q, tuple(names))
+        if factor == 1.0:
+            check_radians([names[k] for k in angles], series.known[:, angles])
+        else:
+            ask_about_degrees(str(file), stated)
+        return series
 
 
 def _opensim_header(lines: Sequence[str]) -> tuple[dict[str, str], int]:

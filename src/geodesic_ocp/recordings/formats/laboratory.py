@@ -37,7 +37,7 @@ from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
-from geodesic_ocp.recordings.formats.angle_tables import as_columns, complete
+from geodesic_ocp.recordings.formats.angle_tables import as_columns
 from geodesic_ocp.recordings.formats.delimited import (
     Rows,
     check_names,
@@ -47,6 +47,7 @@ from geodesic_ocp.recordings.formats.delimited import (
     split_line,
 )
 from geodesic_ocp.recordings.formats.opensim import motion_of_columns
+from geodesic_ocp.recordings.formats.series import Series
 from geodesic_ocp.recordings.formats.text_lines import (
     ANGLES,
     LENGTHS,
@@ -334,15 +335,11 @@ def read_motion_bids_angles(
         channels, rows, kept, time = _bids(file, "JNTANG")
         names = [channels[index]["name"] for index in kept]
         check_names("the table of channels", names)
-        chosen = None if columns is None else as_columns(columns)
-        needed = joints or () if chosen is None else [each.name for each in chosen.values()]
-        if needed and set(needed) <= set(names):  # gaps of others do not matter
-            kept = [kept[names.index(name)] for name in dict.fromkeys(needed)]
-            names = list(dict.fromkeys(needed))
         scales = np.array([_scale(channels[index], ANGLES) for index in kept])
-        time, q = complete(file, time, scales * rows.at(kept, missing=True), names, fill, part)
-        ask_about_degrees(str(file), (q / scales)[:, scales != 1.0])
-        check_radians(names, np.where(scales == 1.0, q, 0.0))
-        table = Motion(time, q, tuple(names))
-        motion = motion_of_columns(file, lambda _: table, joints, convention, chosen)
+        table = Series(time, scales * rows.at(kept, missing=True), tuple(names))
+        ask_about_degrees(str(file), (table.q / scales)[:, scales != 1.0])
+        check_radians(names, np.where(scales == 1.0, table.known, 0.0))
+        motion = motion_of_columns(
+            file, lambda _: table, joints, convention, columns, fill=fill, part=part
+        )
         return replace(motion, subject=_person(file))

@@ -138,6 +138,9 @@ def _columns(lines: list[str]) -> set[str]:
     return {name.strip(" \t\"'") for name in re.split(r"[,;\t]", first)}
 
 
+_GAPS = ("fill", "part")
+
+
 @dataclass(frozen=True)
 class Format:
     """A format of recordings.
@@ -146,7 +149,7 @@ class Format:
         label: name in messages.
         content: "angles" (a Motion), "segments" (SegmentOrientations) or "markers" (Markers).
         module, function: the reader, imported when a file of the format is read.
-        arguments: arguments of `read_recording` that apply to it.
+        arguments: arguments of `read_recording` that its reader takes.
         is_format: whether the lines of a text file, stripped and not empty, are of the format;
             formats without it are told by their first bytes.
     """
@@ -158,6 +161,11 @@ class Format:
     arguments: tuple[str, ...] = ()
     is_format: Callable[[list[str]], bool] = lambda lines: False
 
+    @property
+    def applicable(self) -> set[str]:
+        """Arguments of `read_recording` that apply to it: also those of gaps, if it has angles."""
+        return {*self.arguments, *(() if self.content == "markers" else _GAPS)}
+
     def read(self, file: Path, *args: Any, **kwargs: Any) -> Any:
         """Read a file of this format."""
         module = import_module(f"geodesic_ocp.recordings.formats.{self.module}")
@@ -166,7 +174,7 @@ class Format:
 
 _SKELETON = ("convention", "skeleton", "rate", "unit", "up")
 _MARKERS = ("up", "marker_set")
-_TABLE = ("columns", "fill", "part")
+_TABLE = ("columns", *_GAPS)
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
     "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_mmm),
@@ -178,7 +186,7 @@ FORMATS: dict[str, Format] = {
         "angles",
         "opensim",
         "read_opensim",
-        ("convention", "columns"),
+        ("convention", *_TABLE),
         _is_opensim,
     ),
     "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),

@@ -1,0 +1,124 @@
+"""Gaps that a recording holds as numbers: rows of zeros, 9999, -3.7e28."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array
+
+# A jump is this many standard deviations of the noise, and at least so far [rad or m].
+JUMP, LEAST = 10.0, 0.08
+NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal variable
+# With constant acceleration from rest the second step is three times the first, the third 5 / 3 of
+# the second: what moves does not enlarge its steps by more.
+_FASTER = 3.0
+# Values to both sides, by which the steps and the noise around a gap are measured, and among which
+# they are found, as every second one may be a gap.
+_NEAR, _WIDE = 5, 10
+_SAME = 8.0 * np.finfo(float).eps  # relative rounding, by which equal samples may differ
+
+
+def smallest_step(values: Array) -> float:
+    """Return the smallest difference between the numbers (k,) of a column: its resolution.
+
+    It is that of the sensor, or of the digits in the file; 0 if all numbers are the same.
+    """
+    levels = np.unique(values[np.isfinite(values)])
+    steps = np.diff(levels)
+    steps = steps[steps > _SAME * np.abs(levels[1:])]
+    return float(steps.min(initial=np.inf)) if steps.size else 0.0
+
+
+def gap_samples(series: Array, impossible: float) -> NDArray[np.bool_]:
+    """Return where numbers stand for a gap (k, n).
+
+    Such a number is repeated, exactly, and the series jumps to it and back from it: by more than a
+    motion explains that is as fast as the one before and after, by more than the noise there, and
+    by more than one step of the sensor. At the beginning or the end of a recording one jump is
+    enough. A series that comes to rest moves there smoothly, and does not jump; one that is held at
+    a limit arrives by a step no larger than those before.
+
+    A number that is not repeated is a gap if no motion can lead there and back in one sample, or if
+    it is that of all series in the first or the last sample.
+
+    Args:
+        series: (k, n, c), such as n joints of one coordinate or n markers of three; NaN where a
+            sample is known to be missing.
+        impossible: distance that nothing moves in one sample [rad or m].
+    """
+    count, n, _ = series.shape
+    gaps = np.zeros((count, n), dtype=bool)
+    if count < 2:
+        return gaps
+    runs: list[dict[tuple[int, int], bool]] = []
+    for index in range(n):
+        runs.append(_runs(series[:, index], impossible, _all_same(series)))
+    found = {run for each in runs for run, is_gap in each.items() if is_gap}
+    for first, last in found:
+        for index, each in enumerate(runs):
+            # Series that are equal for just as long are part of the same gap, without a jump too.
+            gaps[first : last + 1, index] |= (first, last) in each
+    return gaps
+
+
+def _all_same(series: Array) -> NDArray[np.bool_]:
+    """Return which of the first and the last sample is one number in all of several series (2,)."""
+    ends = series[[0, -1]].reshape(2, -1)
+    several = series.shape[1] > 1
+    result: NDArray[np.bool_] = several & np.all(ends == ends[:, :1], axis=1)
+    return result
+
+
+def _runs(
+    values: Array, impossible: float, same_ends: NDArray[np.bool_]
+) -> dict[tuple[int, int], bool]:
+    """Return whether runs of one value (k, c) are a gap, by the first and the last sample of each.
+
+    Runs of one sample are left out, but for gaps and for ends that all series have in common.
+    """
+    distances = np.linalg.norm(np.diff(values, axis=0), axis=1)
+    sizes = np.linalg.norm(values, axis=1)
+    changes = np.flatnonzero(~(distances <= _SAME * sizes[1:]))  # NaN is a change
+    starts = np.concatenate([[0], changes + 1])
+    lasts = np.concatenate([changes, [len(values) - 1]])
+    repeated = lasts > starts
+    if len(starts) > 1:
+        repeated[[0, -1]] |= same_ends
+    bounds = zip(starts[repeated].tolist(), lasts[repeated].tolist(), strict=True)
+    result = dict.fromkeys(bounds, False)
+    if len(starts) == 1:
+        return result
+    levels = values[starts]
+    steps = np.linalg.norm(np.diff(levels, axis=0), axis=1)  # NaN beside a missing sample
+    outer = np.full(1, np.nan)
+    before = np.concatenate([outer, steps])
+    after = np.concatenate([steps, outer])
+    smaller = np.fmin(before, after)
+    is_candidate = (repeated & (smaller > LEAST)) | (smaller > impossible)
+    if not is_candidate.any():
+        return result
+    resolution = np.linalg.norm([smallest_step(column) for column in values.T])
+    for run in np.flatnonzero(is_candidate).tolist():
+        explained = max(_explained(levels, run), 1.5 * float(resolution))
+        if smaller[run] > explained:
+            result[int(starts[run]), int(lasts[run])] = True
+    return result
+
+
+def _explained(levels: Array, run: int) -> float:
+    """Return how far a motion and its noise take a series from the values around a run to it.
+
+    Other runs of the same value do not count. It is infinite if there are too few values.
+    """
+    steps, turns = [], []
+    for part in (levels[max(run - _WIDE, 0) : run][::-1], levels[run + 1 : run + 1 + _WIDE]):
+        others = part[np.any(part != levels[run], axis=1)][:_NEAR]
+        steps += np.linalg.norm(np.diff(others, axis=0), axis=1).tolist()
+        turns += np.linalg.norm(np.diff(others, n=2, axis=0), axis=1).tolist()
+    if np.isfinite(steps).sum() < _NEAR - 1:  # of one side
+        return np.inf
+    # The variance of a second difference is six times that of the noise.
+    noise = float(np.nanmedian(turns)) if np.isfinite(turns).any() else 0.0
+    fastest = _FASTER * float(np.nanmedian(steps))
+    return max(fastest, JUMP * noise / (NORMAL_MEDIAN * np.sqrt(6.0)))
