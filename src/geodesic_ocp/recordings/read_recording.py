@@ -34,6 +34,7 @@ from geodesic_ocp.recordings.markers.markers import (
     as_axis,
     check_plausible_size,
     with_z_up,
+    without_gap_numbers,
 )
 from geodesic_ocp.recordings.recording import (
     Recording,
@@ -42,6 +43,7 @@ from geodesic_ocp.recordings.recording import (
     check_radians,
     check_units,
     warn_of_gimbal_lock,
+    within_limits,
 )
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
@@ -86,7 +88,14 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
             raise RecordingError(
                 f"{file}: {FORMATS[kind].label} has no markers; read it with go.read_motion"
             )
-        markers: Markers = FORMATS[kind].read(file)
+        markers: Markers
+        markers, gaps = without_gap_numbers(FORMATS[kind].read(file))
+        if gaps:
+            warnings.warn(
+                f"{file}: gaps, as the markers jump there to a place and back: {gaps}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
         check_plausible_size(markers)
     return markers if up is None else with_z_up(markers, up)
 
@@ -267,7 +276,7 @@ def read_recording(
     with named_failures(file):
         motion = motion.select(arm.joint_names)
         check_units(arm, motion)
-        motion = motion.without_outliers()
+        motion = within_limits(arm, motion.without_outliers())
         check_plausible(arm, motion)
         ask_about_limits(arm, motion, str(file))
         warn_of_gimbal_lock(motion, str(file))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -105,6 +105,22 @@ def check_plausible(model: Model, motion: Motion) -> None:
             )
         if abs(q[jump + 1] - q[jump]) > _FAR_OUTSIDE:
             raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
+
+
+def within_limits(model: Model, motion: Motion) -> Motion:
+    """Return the motion of the model's joints with each angle that was wrapped in the revolution in
+    which the middle of its samples is nearest to the middle of the joint's range.
+
+    A file whose angles are between -180 and 180 deg does not say in which revolution they are.
+    """
+    q = motion.q.copy()
+    for column, joint in enumerate(motion.joint_names):
+        middle = 0.5 * (model.lower[column] + model.upper[column])
+        wrapped = any(each.kind == "wrap" and each.joint == joint for each in motion.outliers)
+        if wrapped and np.isfinite(middle):
+            away = float(np.median(q[:, column])) - middle
+            q[:, column] -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))
+    return replace(motion, q=q)
 
 
 def check_radians(names: Sequence[str], q: Array) -> None:

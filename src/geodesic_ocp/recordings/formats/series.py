@@ -21,6 +21,7 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.recording import LARGEST_ANGLE
 from geodesic_ocp.trajectory.gaps import gap_samples
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
+from geodesic_ocp.trajectory.outliers import turns_between
 
 _SHORTEST = 0.5  # [s] of a part between gaps
 
@@ -49,8 +50,14 @@ class Series:
 
     @cached_property
     def stand_for_gaps(self) -> NDArray[np.bool_]:
-        """Where numbers stand for a gap (k, n)."""
-        return gap_samples(self.q[:, :, None], LARGEST_ANGLE)
+        """Where numbers stand for a gap (k, n); angles that were wrapped jump back as well."""
+        q = np.array(self.q)
+        for column in q.T:
+            known = np.isfinite(column)
+            turns = turns_between(column[known])
+            turns[2.0 * np.pi * np.abs(turns) > LARGEST_ANGLE] = 0.0
+            column[np.flatnonzero(known)[1:]] -= 2.0 * np.pi * np.cumsum(turns)
+        return gap_samples(q[:, :, None], LARGEST_ANGLE)
 
     @cached_property
     def known(self) -> Array:
