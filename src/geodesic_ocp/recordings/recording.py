@@ -234,6 +234,6 @@ def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
 
 def _question(joint: str, q: Array) -> str:
     return (
-        f"{joint} reaches {q[int(np.nanargmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are in "
-        "rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
+        f"{joint} reaches {q[int(np.nanargmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are "
+        "in rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
     )

@@ -51,9 +51,9 @@ def gap_samples(series: Array, impossible: float) -> NDArray[np.bool_]:
     gaps = np.zeros((count, n), dtype=bool)
     if count < 2:
         return gaps
-    runs: list[dict[tuple[int, int], bool]] = []
-    for index in range(n):
-        runs.append(_runs(series[:, index], impossible, _all_same(series)))
+    same_ends = _all_same(series)
+    with np.errstate(over="ignore"):  # damaged files have numbers of any size
+        runs = [_runs(series[:, index], impossible, same_ends) for index in range(n)]
     found = {run for each in runs for run, is_gap in each.items() if is_gap}
     for first, last in found:
         for index, each in enumerate(runs):
@@ -92,28 +92,53 @@ def _runs(
     levels = values[starts]
     steps = np.linalg.norm(np.diff(levels, axis=0), axis=1)  # NaN beside a missing sample
     outer = np.full(1, np.nan)
-    before = np.concatenate([outer, steps])
-    after = np.concatenate([steps, outer])
-    smaller = np.fmin(before, after)
-    is_candidate = (repeated & (smaller > LEAST)) | (smaller > impossible)
-    if not is_candidate.any():
+    smaller = np.fmin(np.concatenate([outer, steps]), np.concatenate([steps, outer]))
+    candidates = np.flatnonzero((repeated & (smaller > LEAST)) | (smaller > impossible)).tolist()
+    if not candidates:
         return result
-    resolution = np.linalg.norm([smallest_step(column) for column in values.T])
-    for run in np.flatnonzero(is_candidate).tolist():
-        explained = max(_explained(levels, run), 1.5 * float(resolution))
-        if smaller[run] > explained:
+    lengths = lasts - starts
+    kept = np.ones(len(levels), dtype=bool)
+    # Beside a gap a joint at rest jumps, too; without the gap it does not. Two jumps tell more than
+    # one, and gaps are shorter than rests.
+    ends = (0, len(levels) - 1)
+    for run in sorted(candidates, key=lambda each: (each in ends, lengths[each])):
+        near = slice(max(run - _WIDE, 0), run), slice(run + 1, run + 1 + _WIDE)
+        before, after = (levels[part][kept[part]] for part in near)
+        usual = np.median(np.concatenate([lengths[part] for part in near]))
+        explained = max(_explained(levels[run], before[::-1], after), LEAST)
+        if lengths[run] <= usual and (lengths[run] or not repeated[run]):
+            explained = max(explained, impossible)  # every sample is there as often
+        jumps = np.linalg.norm(np.vstack([before[-1:], after[:1]]) - levels[run], axis=1)
+        if np.isnan(jumps).all():
+            continue
+        if np.nanmin(jumps) > explained and np.nanmin(jumps) > _step_of(levels, levels[run]):
+            kept[run] = False
             result[int(starts[run]), int(lasts[run])] = True
     return result
 
 
-def _explained(levels: Array, run: int) -> float:
-    """Return how far a motion and its noise take a series from the values around a run to it.
+def _step_of(levels: Array, level: Array) -> float:
+    """Return half more than one step of the sensor that other levels (m, c) have; infinite if these
+    are one, as of a switch.
+    """
+    others = levels[np.any(levels != level, axis=1)]
+    resolution = float(np.linalg.norm([smallest_step(column) for column in others.T]))
+    return 1.5 * resolution or np.inf
 
-    Other runs of the same value do not count. It is infinite if there are too few values.
+
+def _explained(level: Array, before: Array, after: Array) -> float:
+    """Return how far a motion and its noise take a series from the values around a level to it.
+
+    Args:
+        level: (c,).
+        before, after: values (m, c), the nearest first; the same level does not count.
+
+    Returns:
+        A distance, infinite if there are too few values.
     """
     steps, turns = [], []
-    for part in (levels[max(run - _WIDE, 0) : run][::-1], levels[run + 1 : run + 1 + _WIDE]):
-        others = part[np.any(part != levels[run], axis=1)][:_NEAR]
+    for part in (before, after):
+        others = part[np.any(part != level, axis=1)][:_NEAR]
         steps += np.linalg.norm(np.diff(others, axis=0), axis=1).tolist()
         turns += np.linalg.norm(np.diff(others, n=2, axis=0), axis=1).tolist()
     if np.isfinite(steps).sum() < _NEAR - 1:  # of one side

@@ -16,8 +16,8 @@ from geodesic_ocp.trajectory.gaps import JUMP, LEAST, NORMAL_MEDIAN, gap_samples
 ALL_JOINTS = "all joints"
 Kind = Literal["spike", "repeated frame", "wrap", "frozen", "gap"]
 _WINDOW = 0.5  # [s] to both sides, over which the noise is measured
-# Standard deviation of the distance of noise from the cubic through four neighbours: the root of the
-# sum of squares of 1, 4/6, 4/6, -1/6 and -1/6.
+# Standard deviation of the distance of noise from the cubic through four neighbours: the root of
+# the sum of squares of 1, 4/6, 4/6, -1/6 and -1/6.
 _OF_CUBIC = float(np.sqrt(70.0) / 6.0)
 _WRAP = 0.5  # [rad] by which a step may differ from whole revolutions
 _REPEATED = 3  # frames at most that are repeated and then caught up with

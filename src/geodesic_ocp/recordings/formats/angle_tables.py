@@ -25,6 +25,7 @@ from geodesic_ocp.records import write_file
 from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import Motion
 
+
 @dataclass(frozen=True)
 class Column:
     """Which column of a table is a joint's angle: sign * value + offset, in its unit.

@@ -37,7 +37,6 @@ from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
-from geodesic_ocp.recordings.formats.angle_tables import as_columns
 from geodesic_ocp.recordings.formats.delimited import (
     Rows,
     check_names,

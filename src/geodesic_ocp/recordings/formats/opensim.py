@@ -150,7 +150,11 @@ def _unsaid_of_wrists(
 
 def _needed(convention: AngleConvention, joints: Sequence[str] | None) -> set[str]:
     """Return columns that these joints follow from, or all joints, with those of the position."""
-    segments = {*SEGMENTS} if joints is None else {*TRUNK, *chain(*(JOINTS.get(each, ()) for each in joints))}
+    segments = (
+        {*SEGMENTS}
+        if joints is None
+        else {*TRUNK, *chain(*(JOINTS.get(each, ()) for each in joints))}
+    )
     needed: set[str] = set(convention.position)
     for each in reversed(convention.relations):  # parents come before their children
         if each.segment in segments:
