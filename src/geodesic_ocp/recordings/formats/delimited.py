@@ -13,8 +13,9 @@ Columns may also be separated by semicolons or tabs, with decimal commas, and `T
 
 A TRC file, of Motion Analysis, begins with five lines: line 2 names the entries of line 3, among
 them Units; line 4 names the markers after Frame# and Time, one in three columns; line 5 names the
-coordinates X1, Y1, Z1. A marker is missing where its three cells are empty or nan, in TRC also
-where they are exactly zero.
+coordinates X1, Y1, Z1. Cells are separated by tabs, commas or white space; names that are not three
+columns apart are in the order of the columns, before which one may be blank. A marker is missing
+where its three cells are empty or nan, in TRC also where they are exactly zero.
 
 OpenSim's tables have a header of lines key=value that ends with endheader, then the names of the
 columns. `inDegrees` is about rotations; translations are in metres. In the state files of OpenSim
@@ -320,8 +321,12 @@ def read_trc(file: Path) -> Markers:
         lines = "\n".join(read_lines(file)).splitlines()
         if len(lines) < 5:
             raise RecordingError(f"is cut off after {len(lines)} lines, within the header")
-        keys, values, cells = (split_line(line, _trc_separator(line)) for line in lines[1:4])
+        # Programs write several tabs, or commas, between the entries of lines 2 and 3.
+        keys, values = (
+            re.split(r"\s+" if "\t" in line else r"[\s,]+", line.strip()) for line in lines[1:3]
+        )
         header = dict(zip(keys, values, strict=False))
+        cells = _trc_cells(lines[3])
         unit = header.get("Units", "")
         if unit.lower() not in LENGTHS:
             raise RecordingError(f"line 3 must give Units m, cm or mm, not {unit[:40]!r}")
@@ -334,18 +339,20 @@ def read_trc(file: Path) -> Markers:
         if not named:
             raise RecordingError("line 4 names no markers")
         check_names("line 4", names)
-        apart = all((index - 2) % 3 == 0 for index, _ in named) and len(cells) > len(names) + 2
-        if not apart and any(index != place for place, (index, _) in enumerate(named, start=2)):
-            raise RecordingError("line 4: the names of markers must be three columns apart")
-        starts = [index if apart else 2 + 3 * place for place, (index, _) in enumerate(named)]
-        columns = ["frame", "the time", *(max(starts) + 1) * [""]]
-        for name, index in zip(names, starts, strict=True):
-            columns[index : index + 3] = 3 * [name]
         first = 4
         while first < len(lines) and _is_axes(lines[first]):
             first += 1
+        axes = [cell for line in lines[4:first] for cell in _trc_cells(line) if cell]
+        starts = _starts([index for index, _ in named], len(cells), len(axes))
+        columns = ["frame", "the time", *(max(starts) + 1) * [""]]
+        for name, index in zip(names, starts, strict=True):
+            columns[index : index + 3] = 3 * [name]
         expected = f"{{}} are needed for frame, time and {len(names)} markers"
         separator = _trc_separator(lines[first]) if first < len(lines) else None
+        row = split_line(lines[first].rstrip(), separator) if first < len(lines) else []
+        if len(row) > len(columns) and not row[2] and row[-1]:  # a blank column before the markers
+            columns.insert(2, "")
+            starts = [index + 1 for index in starts]
         rows = read_rows(lines, first, columns, separator, expected)
         compare_count(file, header, "NumFrames", "frames", len(rows.cells))
         compare_count(file, header, "NumMarkers", "markers", len(names))
@@ -367,13 +374,38 @@ def check_whole(rows: Rows, names: Sequence[str], positions: Array) -> None:
         )
 
 
+def _starts(named: Sequence[int], count: int, axes: int) -> list[int]:
+    """Return the first column of every marker.
+
+    The names are three columns apart, where some may be empty; or, in any other layout, they are
+    those of all markers.
+
+    Args:
+        named: indices of the cells with names in line 4.
+        count: number of its cells.
+        axes: number of the coordinates X1, Y1, Z1, ... in line 5; 0 without it.
+    """
+    if all((index - 2) % 3 == 0 for index in named) and count > len(named) + 2:
+        return list(named)
+    if axes and axes != 3 * len(named):
+        raise RecordingError(
+            f"line 4 names {len(named)} markers, which must be three columns apart, but line 5 has "
+            f"{axes} coordinates"
+        )
+    return [2 + 3 * place for place in range(len(named))]
+
+
 def _trc_separator(line: str) -> str | None:
-    return "\t" if "\t" in line else None
+    return next((each for each in "\t," if each in line), None)
+
+
+def _trc_cells(line: str) -> list[str]:
+    return split_line(line, _trc_separator(line))
 
 
 def _is_axes(line: str) -> bool:
     """Return whether this is the line X1, Y1, Z1, ..., or an empty one."""
-    return all(re.fullmatch(r"[XYZ]\d+", cell) for cell in line.split())
+    return all(re.fullmatch(r"[XYZ]\d+|", cell) for cell in _trc_cells(line))
 
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
