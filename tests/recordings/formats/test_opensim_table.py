@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
 from geodesic_ocp.recordings.formats.opensim import read_opensim
+from geodesic_ocp.recordings.formats.opensim_table import is_translation, read_coordinates
 
 TABS = """Coordinates
 version=1

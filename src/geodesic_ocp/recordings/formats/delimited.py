@@ -1,4 +1,4 @@
-"""Delimited tables of recordings: notes and header of CSV, markers, TRC, OpenSim's .mot and .sto.
+"""Delimited tables of recordings: notes and header of CSV, markers, TRC.
 
 A table of joint angles or of markers (CSV) begins with notes, of which `unit` (rad or deg, or m, cm
 or mm) is required unless the columns state theirs, while `height` [m], `mass` [kg] and `subject`
@@ -15,13 +15,9 @@ A TRC file, of Motion Analysis, begins with five lines: line 2 names the entries
 them Units; line 4 names the markers after Frame# and Time, one in three columns; line 5 names the
 coordinates X1, Y1, Z1. Cells are separated by tabs, commas or white space; names that are not three
 columns apart are in the order of the columns, before which one may be blank. A marker is missing
-where its three cells are empty or nan, in TRC also where they are exactly zero.
-
-OpenSim's tables have a header of lines key=value that ends with endheader, then the names of the
-columns. `inDegrees` is about rotations; translations are in metres. In the state files of OpenSim
-4, of the columns /jointset/shoulder/elv_angle/value and .../speed the first is the coordinate
-elv_angle and the second is not read. Counts in the headers of TRC and OpenSim, which programs that
-edit such files often leave as they were, are compared with a warning. Time is in seconds.
+where its three cells are empty or nan, in TRC also where they are exactly zero. Counts in
+the header, which programs that edit such files often leave as they were, are compared with a
+warning. Time is in seconds.
 """
 
 from __future__ import annotations
@@ -30,7 +26,7 @@ import csv
 import math
 import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,7 +34,6 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.series import Series
 from geodesic_ocp.recordings.formats.text_lines import (
     LENGTHS,
     is_time,
@@ -47,7 +42,6 @@ from geodesic_ocp.recordings.formats.text_lines import (
     read_lines,
 )
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
 from geodesic_ocp.trajectory.motion import Subject
 
 _MISSING = ("", "nan", "-nan")
@@ -406,88 +400,3 @@ def _trc_cells(line: str) -> list[str]:
 def _is_axes(line: str) -> bool:
     """Return whether this is the line X1, Y1, Z1, ..., or an empty one."""
     return all(re.fullmatch(r"[XYZ]\d+|", cell) for cell in _trc_cells(line))
-
-
-_TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
-_STATE = re.compile(r"/jointset/[^/]+/(?P<coordinate>[^/]+)/(?P<kind>value|speed)$")
-
-
-def is_translation(name: str) -> bool:
-    """Return whether a coordinate of this name is a length, such as pelvis_tx or box_transX."""
-    return _TRANSLATION.search(name) is not None
-
-
-def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Series:
-    """Read all coordinates of a .mot or .sto file, with NaN where it has nan or empty cells.
-
-    A header whose nRows or nColumns is not what follows gives a RuntimeWarning.
-
-    Args:
-        translations: names of coordinates in metres, beside those that `is_translation` knows.
-
-    Raises:
-        RecordingError: no header, no unit of the angles, a broken row, or angles that should be in
-            radians look like degrees; names the line.
-    """
-    with named_failures(file):
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-        header, first = _opensim_header(lines)
-        factor = _radians(header)
-        while first < len(lines) and not lines[first].strip(" ,\t"):
-            first += 1
-        if first == len(lines):
-            raise RecordingError("no line with the names of columns follows endheader")
-        separator = next((each for each in "\t," if each in lines[first]), None)
-        labels = split_line(lines[first].rstrip(" ,\t"), separator)
-        if labels[0].lower() != "time" or len(labels) < 2:
-            raise RecordingError(
-                f"line {first + 1} must name the columns, time first, is {lines[first][:60]!r}"
-            )
-        if not all(labels):
-            raise RecordingError(f"line {first + 1}: column {labels.index('') + 1} has no name")
-        states = [_STATE.search(label) for label in labels]
-        is_coordinate = [state is None or state["kind"] == "value" for state in states]
-        if any(states):  # a file of states also has muscles' states, which are no coordinates
-            is_coordinate = [state is not None and state["kind"] == "value" for state in states]
-        kept = [k for k, each in enumerate(is_coordinate) if k and each]
-        names = [labels[k] if (state := states[k]) is None else state["coordinate"] for k in kept]
-        check_names(f"line {first + 1}", names)
-        rows = read_rows(lines, first + 1, labels, separator, "the names of columns {}")
-        compare_count(file, header, "nrows", "rows", len(rows.cells))
-        compare_count(file, header, "ncolumns", "columns", len(labels))
-        q = rows.at(kept, missing=True)
-        angles = [
-            k for k, each in enumerate(names) if not (is_translation(each) or each in translations)
-        ]
-        stated = q[:, angles]
-        q[:, angles] *= factor
-        series = Series(rows.at([0])[:, 0], q, tuple(names))
-        if factor == 1.0:
-            check_radians([names[k] for k in angles], series.known[:, angles])
-        else:
-            ask_about_degrees(str(file), stated)
-        return series
-
-
-def _opensim_header(lines: Sequence[str]) -> tuple[dict[str, str], int]:
-    """Return keys (in lower case) and values before endheader, and the index after it."""
-    header: dict[str, str] = {}
-    for number, line in enumerate(lines):
-        text = line.strip(" ,\t")
-        if text.lower() == "endheader":
-            return header, number + 1
-        key, equals, value = text.partition("=")
-        if equals:
-            header[key.strip().lower()] = value.strip()
-    raise RecordingError("no line 'endheader' ends the header")
-
-
-def _radians(header: Mapping[str, str]) -> float:
-    kind = header.get("datatype", "double").lower()
-    if kind != "double":
-        raise RecordingError(f"its DataType is {kind}; joint coordinates are of type double")
-    degrees = header.get("indegrees", "").lower()
-    if degrees not in ("yes", "no"):
-        given = f", not 'inDegrees={degrees}'" if degrees else ""
-        raise RecordingError(f"its header must have inDegrees=yes or inDegrees=no{given}")
-    return np.pi / 180.0 if degrees == "yes" else 1.0
