@@ -2,7 +2,8 @@
 
 The frames of type "normal" are the motion: for every segment a unit quaternion (w, x, y, z), which
 turns its axes into those of the space, and the position of its origin, the joint before it
-[m]; without positions there is no pose of the trunk. The T pose, from which orientations are
+[m]; without positions there is no pose of the trunk. Joints say how segments are connected; files
+without them are read by MVN's names of segments. The T pose, from which orientations are
 counted, is the frame of type "identity" or "tpose". Joint angles, sensors, fingers and props are
 not read.
 """
@@ -33,6 +34,17 @@ from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import Subject
 
 _REST = ("identity", "tpose")
+# Segments of MVN, and those before each from the nearest to the pelvis (Xsens MVN user manual).
+_SPINE = ("T8", "T12", "L3", "L5", "Pelvis")
+_LIMBS = (
+    ("Head", "Neck", *_SPINE),
+    *(
+        (f"{s}Hand", f"{s}ForeArm", f"{s}UpperArm", f"{s}Shoulder", *_SPINE)
+        for s in ("Right", "Left")
+    ),
+    *((f"{s}Toe", f"{s}Foot", f"{s}LowerLeg", f"{s}UpperLeg", "Pelvis") for s in ("Right", "Left")),
+)
+_BEFORE = {name: limb[k + 1 :] for limb in _LIMBS for k, name in enumerate(limb)}
 _LATE, _SAME_RATE = 0.01, 0.01  # [s], and part, by which two times of a frame may differ
 _UNIT = 0.01  # by which the length of a quaternion may differ from one
 _FARTHEST = 1e5  # [m]
@@ -63,7 +75,9 @@ def read_mvnx(
         subject = subjects[0]
         names = [each.get("label", "") for each in subject.findall("{*}segments/{*}segment")]
         if not names:
-            raise RecordingError("there is no <segment> in <segments>")
+            raise RecordingError(
+                "there is no <segment> in <segments>: export MVNX with the body segments"
+            )
         frames = subject.findall("{*}frames/{*}frame")
         kinds = [frame.get("type", "normal") for frame in frames]
         rest = next((frames[kinds.index(kind)] for kind in _REST if kind in kinds), None)
@@ -75,6 +89,12 @@ def read_mvnx(
         moving = [frame for frame, kind in zip(frames, kinds, strict=True) if kind == "normal"]
         if len(moving) < 2:
             raise RecordingError(f"a motion needs two <frame> of type normal, has {len(moving)}")
+        if not any(frame.find("{*}orientation") is not None for frame in moving):
+            held = ", ".join(dict.fromkeys(each.tag.rpartition("}")[2] for each in moving[0]))
+            raise RecordingError(
+                f"no <frame> has an <orientation>, only {held or 'nothing'}: export MVNX with the "
+                "orientations of the segments"
+            )
         has_places = any(frame.find("{*}position") is not None for frame in moving)
         motion = _motion(
             names,
@@ -91,9 +111,27 @@ def read_mvnx(
 
 
 def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
-    """Return the index of the segment before each: joints connect "Pelvis/jL5S1" to "L5/jL5S1"."""
+    """Return the index of the segment before each: joints connect "Pelvis/jL5S1" to "L5/jL5S1".
+
+    Without joints they are those of MVN's segments.
+    """
     parents = [-1] * len(names)
-    for joint in subject.findall("{*}joints/{*}joint"):
+    joints = subject.findall("{*}joints/{*}joint")
+    if not joints:
+        for index, name in enumerate(names):
+            before = _BEFORE.get(name, ())
+            parents[index] = next((names.index(each) for each in before if each in names), -1)
+            if parents[index] > index:
+                raise RecordingError(
+                    f"there is no <joint> in <joints>, and the segment {name} does not come after "
+                    f"{names[parents[index]]}, as in MVN's list: export MVNX with the joints"
+                )
+        if not {*names} & {*_BEFORE}:
+            raise RecordingError(
+                "there is no <joint> in <joints>, and the segments are not MVN's but "
+                f"{', '.join(names)}: export MVNX with the joints"
+            )
+    for joint in joints:
         ends = [joint.findtext(f"{{*}}connector{k}", "").partition("/")[0] for k in (1, 2)]
         if not set(ends) <= set(names):
             raise RecordingError(f"the joint {joint.get('label')} connects {' and '.join(ends)}")
