@@ -112,6 +112,7 @@ def read_motion(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
 ) -> Motion:
     """Read a recorded motion from a file, whose format its content tells, not its suffix.
 
@@ -133,7 +134,8 @@ def read_motion(
             model (.osim), or of the skeleton of an AMC, BVH, MVNX or .npz file; by default the
             known one that fits the names in the file.
         skeleton: file (.asf) that belongs to an AMC file; by default the one beside it.
-        rate: rate of an AMC file [Hz], which does not contain it; 120 Hz by default.
+        rate: sampling rate [Hz], where the file has neither a rate nor times; 120 Hz by default of
+            an AMC file.
         unit: unit of lengths in a BVH or AMC file: "m", "cm", "mm", "in" or a number of metres.
         up: the axis that points upwards in the space of a skeleton, such as "y" or "-z".
         columns: which columns of a table are which joints: by joint the name of a column, or a
@@ -141,6 +143,10 @@ def read_motion(
         fill: longest gap that is bridged [s]: empty cells, nan, or numbers that stand for a gap,
             such as rows of zeros, to which joints jump and back; none by default.
         part: number of a part, from 1, between longer gaps.
+        degrees_in: whether the angles of a table or an OpenSim file that does not say their unit
+            are in degrees.
+
+    What the file says comes before `rate` and `degrees_in`; a warning names the difference.
 
     Raises:
         RecordingError: the file is missing, of an unknown format, or malformed, it has gaps that
@@ -161,6 +167,7 @@ def read_motion(
         )
     arguments = {"convention": convention, "skeleton": skeleton, "rate": rate, "unit": unit}
     arguments |= {"up": up, "columns": columns, "fill": fill, "part": part}
+    arguments["degrees_in"] = degrees_in
     given = {name: value for name, value in arguments.items() if value is not None}
     check_stated(file, kind, given)
     own = {name: value for name, value in given.items() if name in FORMATS[kind].arguments}
@@ -216,6 +223,7 @@ def read_recording(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
 ) -> Recording:
     """Read a recording of one or both human arms, filter it, and scale a model to the person.
 
@@ -236,7 +244,7 @@ def read_recording(
         duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         unfiltered: take the motion as it is, with the velocities of a cubic spline; so are motions
             fitted to markers, which the fit has smoothed, unless a filter is given.
-        convention, unit, rate, skeleton: where the file's format does not give them, see
+        convention, unit, rate, skeleton, degrees_in: where the file does not give them, see
             `read_motion`.
         up: the axis that points upwards in a file of markers or of a skeleton.
         marker_set: where the markers are, or a file that says so, see `fit_markers`.
@@ -255,7 +263,7 @@ def read_recording(
     check_arguments(side, up, numbers, unfiltered=unfiltered)
     file = Path(path)
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
-    stated |= {"columns": columns, "fill": fill, "part": part}
+    stated |= {"columns": columns, "fill": fill, "part": part, "degrees_in": degrees_in}
     of_markers = {"up": up, "marker_set": marker_set}
     with named_failures(file):
         kind = recognise(file)

@@ -130,6 +130,7 @@ def read_recordings(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
 ) -> tuple[Recording, ...]:
     """Read files or folders of recordings of human arms, filter them, and scale an arm to each.
 
@@ -154,7 +155,7 @@ def read_recordings(
         duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
-        convention, unit, rate, skeleton, up, marker_set, columns, fill, part: see
+        convention, unit, rate, skeleton, up, marker_set, columns, fill, part, degrees_in: see
             `read_recording`; each is used for the files to whose format it applies. With `fill`, a
             table with longer gaps is a recording for each part between them, or for this part.
 
@@ -172,7 +173,7 @@ def read_recordings(
     numbers |= {"cutoff": cutoff, "duration": duration}
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
     stated |= {"up": up, "marker_set": marker_set, "columns": columns}
-    stated |= {"fill": fill, "part": part}
+    stated |= {"fill": fill, "part": part, "degrees_in": degrees_in}
     check_arguments(side, up, numbers)
     human_arm(side)  # raises for another side, or for both
     found: list[tuple[Path, Recording]] = []
@@ -198,7 +199,7 @@ def read_recordings(
 
 
 def parts_of(file: Path, side: Side, stated: Mapping[str, Any]) -> Sequence[int | None]:
-    """Return numbers of the parts of a table between gaps that are longer than `fill`.
+    """Return numbers of the parts between gaps that are longer than `fill`.
 
     (None,) of a file that is read as a whole, or that cannot be read.
 

@@ -25,12 +25,16 @@ class RecordingSettings:
             as in --up=-y.
         marker_set: file that says where the markers are (.json, .toml); default: the known set that
             fits.
-        amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
+        sample_rate: sampling rate of files that have neither a rate nor times [Hz]; default: 120 Hz
+            of .amc files, none of others.
+        amc_rate: the same, by its former name.
+        degrees_in: whether angles in tables and .mot and .sto files that do not say their unit are
+            in degrees.
         columns: file (.csv) that says which columns of a table are which joints; its columns are
             ours, theirs, sign, unit and offset.
-        fill: longest gap of a table that is bridged [s]; of many recordings, parts between longer
-            ones are recordings of their own; default: no gap may be.
-        part: number of a part of a table between longer gaps, from 1.
+        fill: longest gap that is bridged [s]; of many recordings, parts between longer ones are
+            recordings of their own; default: no gap may be.
+        part: number of a part between longer gaps, from 1.
 
     Raises:
         ValueError: a number that is not positive, an unknown axis, or a file that does not exist.
@@ -43,13 +47,17 @@ class RecordingSettings:
     skeleton: str | None = None
     up: Axis | None = None
     marker_set: str | None = None
+    sample_rate: float | None = None
     amc_rate: float | None = None
+    degrees_in: bool | None = None
     columns: str | None = None
     fill: float | None = None
     part: int | None = None
 
     def __post_init__(self) -> None:
-        self._check_positive(height="m", mass="kg", amc_rate="Hz", fill="s")
+        self._check_positive(height="m", mass="kg", sample_rate="Hz", amc_rate="Hz", fill="s")
+        if self.sample_rate is not None and self.amc_rate is not None:
+            raise ValueError("give only one of sample_rate and amc_rate")
         for name in ("skeleton", "marker_set", "columns"):
             file = getattr(self, name)
             if file is not None and not Path(file).is_file():
@@ -71,4 +79,5 @@ class RecordingSettings:
     def reading(self) -> dict[str, Any]:
         """Return the arguments of `read_recording` about the format of the file."""
         names = ("convention", "unit", "skeleton", "up", "marker_set", "columns", "fill", "part")
-        return {name: getattr(self, name) for name in names} | {"rate": self.amc_rate}
+        stated = {name: getattr(self, name) for name in (*names, "degrees_in")}
+        return stated | {"rate": self.sample_rate or self.amc_rate}

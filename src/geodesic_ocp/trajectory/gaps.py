@@ -123,7 +123,7 @@ def _step_of(levels: Array, level: Array) -> float:
     """
     others = levels[np.any(levels != level, axis=1)]
     resolution = float(np.linalg.norm([smallest_step(column) for column in others.T]))
-    return 1.5 * resolution or np.inf
+    return 1.5 * resolution if resolution else float("inf")
 
 
 def _explained(level: Array, before: Array, after: Array) -> float:
@@ -146,4 +146,4 @@ def _explained(level: Array, before: Array, after: Array) -> float:
     # The variance of a second difference is six times that of the noise.
     noise = float(np.nanmedian(turns)) if np.isfinite(turns).any() else 0.0
     fastest = _FASTER * float(np.nanmedian(steps))
-    return max(fastest, JUMP * noise / (NORMAL_MEDIAN * np.sqrt(6.0)))
+    return max(fastest, JUMP * noise / (NORMAL_MEDIAN * float(np.sqrt(6.0))))

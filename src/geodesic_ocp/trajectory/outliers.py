@@ -185,7 +185,7 @@ def _spikes(values: Array, away: Array, noise: Array) -> list[int]:
 
 def _gaps(time: Array, gaps: NDArray[np.bool_], names: Sequence[str]) -> Iterator[Outlier]:
     """Yield gaps (k, n), those of all joints as one."""
-    common = gaps.all(axis=1)
+    common: NDArray[np.bool_] = np.all(gaps, axis=1)
     columns = {ALL_JOINTS: common, **dict(zip(names, (gaps & ~common[:, None]).T, strict=True))}
     if len(names) == 1:
         columns = {names[0]: common}

@@ -19,7 +19,13 @@ from geodesic_ocp.arrays import as_number
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.delimited import Table, read_csv
 from geodesic_ocp.recordings.formats.series import Series
-from geodesic_ocp.recordings.formats.text_lines import ANGLES, named_failures, read_lines
+from geodesic_ocp.recordings.formats.text_lines import (
+    ANGLES,
+    named_failures,
+    rate_of,
+    read_lines,
+    stated,
+)
 from geodesic_ocp.recordings.recording import ask_about_degrees
 from geodesic_ocp.records import write_file
 from geodesic_ocp.tables import new_table
@@ -116,6 +122,8 @@ def read_table(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
+    rate: float | None = None,
 ) -> Motion:
     """Read the motion of these joints, or of all, from a table of joint angles.
 
@@ -124,6 +132,8 @@ def read_table(
         columns: see `as_columns`.
         fill: longest gap [s] that is bridged by interpolation; None: none may be.
         part: number, from 1, of the part between longer gaps.
+        degrees_in: whether angles are in degrees, if neither a note nor the columns say it.
+        rate: rate [Hz] of a table without a column of time.
 
     Raises:
         Gaps: samples are missing, beyond those that are bridged.
@@ -134,9 +144,15 @@ def read_table(
         chosen = None if columns is None else as_columns(columns)
         of_time = None if chosen is None else chosen.pop("time", None)
         named = None if of_time is None else of_time.name
-        table = read_csv(file, ANGLES, ("rad", "deg"), named)
+        table = read_csv(file, ANGLES, ("rad", "deg"), named, rate)
+        own = None if table.scale is None else table.scale != 1.0
+        degrees = stated(file, "# unit: deg (degrees_in)", own, degrees_in)
+        if degrees is not None:
+            table = replace(table, scale=ANGLES["deg" if degrees else "rad"])
         series = _angles(file, table, joints, chosen)
         table.say_assumed(file)
+        if table.time is not None:
+            stated(file, "the rate [Hz] (rate)", rate_of(series.time), rate)
         motion = series.motion(file, series.joint_names, fill, part)
         return replace(motion, subject=table.subject)
 

@@ -40,6 +40,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
     name_and_unit,
     named_failures,
     read_lines,
+    times_at,
 )
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.trajectory.motion import Subject
@@ -162,8 +163,9 @@ class Table:
     scales: dict[str, float]
     scale: float | None  # those in the unit of the note; None without it
     examples: tuple[str, str]  # units that messages name
-    time: str  # name of the column of time
+    time: str | None  # name of the column of time
     seconds: float  # seconds in its unit
+    rate: float | None  # [Hz], given for a table without time
     subject: Subject  # the person
     assumed: list[str]  # what the file does not say outright, for a warning
 
@@ -174,6 +176,8 @@ class Table:
 
     def times(self) -> Array:
         """Return the times (k,) [s]."""
+        if self.time is None:
+            return times_at(len(self.rows.cells), self.rate or math.nan)
         return self.seconds * self.rows.columns([self.time])[:, 0]
 
     def scales_of(self, names: Sequence[str]) -> Array:
@@ -192,15 +196,23 @@ _SECONDS = {**dict.fromkeys(("s", "sec", "seconds"), 1.0), "ms": 1e-3, "millisec
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 
 
+_OPTION = ", or its unit is given: degrees_in=True (--degrees-in) or False (--no-degrees-in)"
+
+
 def _no_unit(examples: tuple[str, str], unit: str = "") -> RecordingError:
     return RecordingError(
         f"a line '# unit: {examples[0]}' or '# unit: {examples[1]}' must precede the header"
         + (f", not {unit[:40]!r}" if unit else "")
+        + (_OPTION if "rad" in examples else "")
     )
 
 
 def read_csv(
-    file: Path, units: Mapping[str, float], examples: tuple[str, str], time: str | None = None
+    file: Path,
+    units: Mapping[str, float],
+    examples: tuple[str, str],
+    time: str | None = None,
+    rate: float | None = None,
 ) -> Table:
     """Return a table with notes, in a known separation of columns.
 
@@ -208,6 +220,7 @@ def read_csv(
         units: radians or metres by the name of a unit.
         examples: units that messages name.
         time: name of the column of time; by default it is found.
+        rate: rate [Hz] of a table without a column of time.
 
     Raises:
         RecordingError: no header, an unknown unit, notes that contradict each other or are not
@@ -233,16 +246,17 @@ def read_csv(
     cells = split_line(lines[first], separator)
     wanted = "time" if time is None else time
     times = [cell for cell in cells if cell == wanted] or [cell for cell in cells if is_time(cell)]
-    if not times or len(cells) < 2:
+    if not (times or (rate and time is None)) or len(cells) < 1 + len(times[:1]):
         raise RecordingError(
             f"line {first + 1} must be a header with {wanted!r} and names of columns, "
-            f"is {lines[first][:60]!r}"
+            f"is {lines[first][:60]!r}; the rate of a table without time is given by rate "
+            "(--sample-rate)"
         )
     assumed = [] if separator == "," else [f"{_SEPARATORS[separator]} between the columns"]
     names, scales, seconds = [], {}, 1.0
     for cell in cells:
         name, own = name_and_unit(cell)
-        if cell == times[0]:
+        if cell in times[:1]:
             if own and own not in _SECONDS:
                 raise RecordingError(f"line {first + 1}: time must be in s or ms, not {own!r}")
             seconds = _SECONDS.get(own, 1.0)
@@ -250,7 +264,7 @@ def read_csv(
                 assumed.append(f"{cell!r} as the time in {own or 's'}")
         elif own in units:
             scales[name] = units[own]
-        names.append(name if cell == times[0] or own in units else cell)
+        names.append(name if cell in times[:1] or own in units else cell)
     check_names("the header", names)
     height, mass = (_positive_number(notes, key) for key in ("height", "mass"))
     other = separator != ","
@@ -262,8 +276,8 @@ def read_csv(
         rows = Rows(rows.names, points, rows.lines)
     subject = Subject(height, mass, notes.get("subject", ""))
     scale = units[unit.lower()] if unit else None
-    at = names[cells.index(times[0])]
-    return Table(rows, scales, scale, examples, at, seconds, subject, assumed)
+    at = names[cells.index(times[0])] if times else None
+    return Table(rows, scales, scale, examples, at, seconds, rate, subject, assumed)
 
 
 def _has_decimal_commas(rows: Rows) -> bool:

@@ -30,7 +30,12 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     skeleton_segments,
 )
 from geodesic_ocp.recordings.formats.mmm import Texts, xml_root
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.recordings.formats.text_lines import (
+    named_failures,
+    rate_of,
+    stated,
+    times_at,
+)
 from geodesic_ocp.trajectory.motion import Subject
 
 _REST = ("identity", "tpose")
@@ -53,12 +58,15 @@ _LONG, _APART = 0.15, 10.0  # [m], [deg]
 
 
 def read_mvnx(
-    file: Path, convention: SkeletonConvention | str | Path | None = None
+    file: Path,
+    convention: SkeletonConvention | str | Path | None = None,
+    rate: float | None = None,
 ) -> SegmentOrientations:
     """Read the orientations of segments and the pose of the trunk of the person in an MVNX file.
 
     Args:
         convention: another one than that of MVN's names of segments.
+        rate: rate of the frames [Hz], if the file has neither times nor frameRate.
 
     Raises:
         RecordingError: the XML is broken or has not one person, a frame lacks numbers, there is no
@@ -99,7 +107,7 @@ def read_mvnx(
         motion = _motion(
             names,
             _parents(subject, names),
-            _time(subject, moving),
+            _time(file, subject, moving, rate),
             (_rotations([rest], "T pose", len(names)), _places([rest], "T pose", len(names))),
             _rotations(moving, "frame", len(names)),
             _places(moving, "frame", len(names)) if has_places else None,
@@ -119,8 +127,8 @@ def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
     joints = subject.findall("{*}joints/{*}joint")
     if not joints:
         for index, name in enumerate(names):
-            before = _BEFORE.get(name, ())
-            parents[index] = next((names.index(each) for each in before if each in names), -1)
+            nearer = _BEFORE.get(name, ())
+            parents[index] = next((names.index(each) for each in nearer if each in names), -1)
             if parents[index] > index:
                 raise RecordingError(
                     f"there is no <joint> in <joints>, and the segment {name} does not come after "
@@ -142,7 +150,7 @@ def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
     return tuple(parents)
 
 
-def _time(subject: Element, frames: list[Element]) -> Array:
+def _time(file: Path, subject: Element, frames: list[Element], given: float | None) -> Array:
     """Return times [s]: by the index of each frame and frameRate, or those in milliseconds."""
     rate = subject.get("frameRate")
     steps = {"time": 1e-3}
@@ -154,8 +162,12 @@ def _time(subject: Element, frames: list[Element]) -> Array:
             texts = Texts(name, "frame", [frame.get(name) for frame in frames])
             with np.errstate(over="ignore", invalid="ignore"):  # of damaged files
                 times[name] = step * (texts.numbers(1) - texts.numbers(1)[:1])[:, 0]
+    if not times and given is not None:
+        return times_at(len(frames), given)
     if not times:
-        raise RecordingError("frames have neither time nor index with a frameRate")
+        raise RecordingError(
+            "frames have neither time nor index with a frameRate, nor is there rate (--sample-rate)"
+        )
     if len(times) == 2:
         ends = [float(each[-1]) for each in times.values()]
         if not abs(ends[0] - ends[1]) <= _LATE + _SAME_RATE * abs(ends[0]):
@@ -163,7 +175,9 @@ def _time(subject: Element, frames: list[Element]) -> Array:
                 f"the last frame is at {ends[0]:g} s by its time, at {ends[1]:g} s by its index "
                 f"and frameRate {rate}"
             )
-    return times["index" if "index" in times else "time"]
+    time = times["index" if "index" in times else "time"]
+    stated(file, "the rate [Hz] (rate)", rate_of(time), given)
+    return time
 
 
 def _vectors(frames: list[Element], what: str, name: str, shape: tuple[int, int]) -> Array:

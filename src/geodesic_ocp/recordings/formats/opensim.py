@@ -47,6 +47,8 @@ def read_opensim(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
+    rate: float | None = None,
 ) -> Motion:
     """Read the motion of these joints from a .mot or .sto file.
 
@@ -62,6 +64,7 @@ def read_opensim(
             built-in one, or a JSON file of either.
         columns: which columns are which joints, instead of a convention, see `as_columns`.
         fill, part: what becomes of gaps in the columns that are needed, see `Series.motion`.
+        degrees_in, rate: what the file does not say, see `read_coordinates`.
 
     Raises:
         Gaps: samples are missing, beyond those that are bridged.
@@ -69,7 +72,7 @@ def read_opensim(
             names the line or element, or the columns.
     """
     with named_failures(file):
-        read = partial(read_coordinates, file)
+        read = partial(read_coordinates, file, degrees_in=degrees_in, rate=rate)
         return motion_of_columns(file, read, joints, convention, columns, fill=fill, part=part)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.segment_orientations import JOINTS
 from geodesic_ocp.recordings.formats.laboratory import is_qualisys, is_vicon, motion_bids_kind
 from geodesic_ocp.recordings.formats.text_lines import LENGTHS, is_time
 
@@ -116,7 +117,8 @@ def _notes(lines: list[str]) -> list[re.Match[str]]:
 
 
 def _is_table(lines: list[str]) -> bool:
-    return bool(_notes(lines)) or any(map(is_time, _columns(lines)))
+    columns = _columns(lines)
+    return bool(_notes(lines)) or any(map(is_time, columns)) or not columns.isdisjoint(JOINTS)
 
 
 def _is_marker_table(lines: list[str]) -> bool:
@@ -186,10 +188,10 @@ FORMATS: dict[str, Format] = {
         "angles",
         "opensim",
         "read_opensim",
-        ("convention", *_TABLE),
+        ("convention", *_TABLE, "degrees_in", "rate"),
         _is_opensim,
     ),
-    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),
+    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention", "rate"), _is_mvnx),
     "vicon": Format(
         "CSV of Vicon Nexus", "markers", "laboratory", "read_vicon", _MARKERS, is_vicon
     ),
@@ -201,7 +203,7 @@ FORMATS: dict[str, Format] = {
         "angles",
         "laboratory",
         "read_motion_bids_angles",
-        ("convention", *_TABLE),
+        ("convention", *_TABLE, "rate"),
     ),
     "bids markers": Format(
         "Motion-BIDS (POS)", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
@@ -214,9 +216,18 @@ FORMATS: dict[str, Format] = {
         _MARKERS,
         _is_marker_table,
     ),
-    "table": Format("a table (CSV)", "angles", "angle_tables", "read_table", _TABLE, _is_table),
+    "table": Format(
+        "a table (CSV)",
+        "angles",
+        "angle_tables",
+        "read_table",
+        (*_TABLE, "degrees_in", "rate"),
+        _is_table,
+    ),
     "c3d": Format("c3d", "markers", "c3d", "read_c3d", _MARKERS),
-    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up")),
+    "smpl": Format(
+        "AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up", "rate")
+    ),
 }
 
 
