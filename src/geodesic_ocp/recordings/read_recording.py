@@ -45,6 +45,7 @@ from geodesic_ocp.recordings.recording import (
     warn_of_gimbal_lock,
     within_limits,
 )
+from geodesic_ocp.records import naming
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 
@@ -171,7 +172,8 @@ def read_motion(
     given = {name: value for name, value in arguments.items() if value is not None}
     check_stated(file, kind, given)
     own = {name: value for name, value in given.items() if name in FORMATS[kind].arguments}
-    with named_failures(file):
+    files = {name: given.get(name) for name in ("columns", "convention", "skeleton")}
+    with naming(**files), named_failures(file):
         if FORMATS[kind].content == "segments":
             motion = joint_angles(FORMATS[kind].read(file, **own), joints)
         else:
@@ -388,7 +390,8 @@ def _fitted(
     """Return the motion that is fitted to the markers, and the arm with the person's lengths."""
     from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 
-    with named_failures(file), warnings.catch_warnings():
+    used = naming(marker_set=of_markers["marker_set"])
+    with used, named_failures(file), warnings.catch_warnings():
         warnings.filterwarnings("ignore", DOUBTFUL, RuntimeWarning)  # named below
         fit = fit_markers(arm, markers, height=height, **of_markers)
     if fit.doubts:

@@ -22,6 +22,7 @@ from geodesic_ocp.recordings.formats.series import Series
 from geodesic_ocp.recordings.formats.text_lines import (
     ANGLES,
     named_failures,
+    numbers,
     rate_of,
     read_lines,
     stated,
@@ -109,7 +110,7 @@ def _from_file(file: Path) -> dict[str, Column]:
                 raise RecordingError(f"row {number} must name a joint of its own and a column")
             for key in ("sign", "offset"):
                 if key in given:
-                    given[key] = float(given[key])
+                    (given[key],) = numbers(None, f"row {number}: {key}", [given[key]], 1)
             found[joint] = Column(**given)
         if not found:
             raise RecordingError("names no joint")
