@@ -122,7 +122,8 @@ def _with_files(error: Exception, tokens: Sequence[str]) -> str:
     names them; of a file of settings, also those.
     """
     words = chain(*(each.split("=", 1) for each in tokens))
-    message, endings = str(error), []
+    message = str(error)
+    endings = []
     for option, file in pairwise(words):
         if not option.startswith("--") or file in message or not Path(file).is_file():
             continue

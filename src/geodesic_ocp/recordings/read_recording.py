@@ -54,7 +54,9 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
     Motion-BIDS, or a table with NAME_x, NAME_y, NAME_z.
 
     The content of the file tells its format. Positions are converted to metres, in the axes of
-    the file unless `up` is given; a marker that was not seen is NaN.
+    the file unless `up` is given; a marker that was not seen is NaN. So is one at a position that
+    is far away in any unit, or that is repeated exactly and to which the marker jumps and back; a
+    RuntimeWarning names the latter.
 
     >>> import tempfile
     >>> from pathlib import Path

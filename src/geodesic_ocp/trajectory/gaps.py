@@ -10,13 +10,7 @@ from geodesic_ocp.arrays import Array
 # A jump is this many standard deviations of the noise, and at least so far [rad or m].
 JUMP, LEAST = 10.0, 0.08
 NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal variable
-# With constant acceleration from rest the second step is three times the first, the third 5 / 3 of
-# the second: what moves does not enlarge its steps by more.
-_FASTER = 3.0
-# Values to both sides, by which the steps and the noise around a gap are measured, and among which
-# they are found, as every second one may be a gap.
-_NEAR, _WIDE = 5, 10
-_SAME = 8.0 * np.finfo(float).eps  # relative rounding, by which equal samples may differ
+NEAR = 5  # values to each side, by which the steps and the noise around a sample are measured
 
 
 def smallest_step(values: Array) -> float:
@@ -26,8 +20,13 @@ def smallest_step(values: Array) -> float:
     """
     levels = np.unique(values[np.isfinite(values)])
     steps = np.diff(levels)
-    steps = steps[steps > _SAME * np.abs(levels[1:])]
+    steps = steps[steps > _rounding(levels[1:])]
     return float(steps.min(initial=np.inf)) if steps.size else 0.0
+
+
+def _rounding(values: Array) -> Array:
+    """Return by how much numbers may differ that were converted from one, in a few operations."""
+    return 8.0 * np.spacing(np.abs(values))
 
 
 def gap_samples(series: Array, impossible: float) -> NDArray[np.bool_]:
@@ -79,7 +78,7 @@ def _runs(
     """
     distances = np.linalg.norm(np.diff(values, axis=0), axis=1)
     sizes = np.linalg.norm(values, axis=1)
-    changes = np.flatnonzero(~(distances <= _SAME * sizes[1:]))  # NaN is a change
+    changes = np.flatnonzero(~(distances <= _rounding(sizes[1:])))  # NaN is a change
     starts = np.concatenate([[0], changes + 1])
     lasts = np.concatenate([changes, [len(values) - 1]])
     repeated = lasts > starts
@@ -102,7 +101,8 @@ def _runs(
     # one, and gaps are shorter than rests.
     ends = (0, len(levels) - 1)
     for run in sorted(candidates, key=lambda each: (each in ends, lengths[each])):
-        near = slice(max(run - _WIDE, 0), run), slice(run + 1, run + 1 + _WIDE)
+        wide = 2 * NEAR  # every second of these values may be a gap
+        near = slice(max(run - wide, 0), run), slice(run + 1, run + 1 + wide)
         before, after = (levels[part][kept[part]] for part in near)
         usual = np.median(np.concatenate([lengths[part] for part in near]))
         explained = max(_explained(levels[run], before[::-1], after), LEAST)
@@ -136,14 +136,16 @@ def _explained(level: Array, before: Array, after: Array) -> float:
     Returns:
         A distance, infinite if there are too few values.
     """
-    steps, turns = [], []
+    steps: list[float] = []
+    turns: list[float] = []
     for part in (before, after):
-        others = part[np.any(part != level, axis=1)][:_NEAR]
+        others = part[np.any(part != level, axis=1)][:NEAR]
         steps += np.linalg.norm(np.diff(others, axis=0), axis=1).tolist()
         turns += np.linalg.norm(np.diff(others, n=2, axis=0), axis=1).tolist()
-    if np.isfinite(steps).sum() < _NEAR - 1:  # of one side
+    if np.isfinite(steps).sum() < NEAR - 1:  # of one side
         return np.inf
     # The variance of a second difference is six times that of the noise.
     noise = float(np.nanmedian(turns)) if np.isfinite(turns).any() else 0.0
-    fastest = _FASTER * float(np.nanmedian(steps))
+    # From rest, with constant acceleration, the second step is three times the first.
+    fastest = 3.0 * float(np.nanmedian(steps))
     return max(fastest, JUMP * noise / (NORMAL_MEDIAN * float(np.sqrt(6.0))))

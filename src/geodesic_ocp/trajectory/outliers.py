@@ -11,20 +11,24 @@ import scipy
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.trajectory.gaps import JUMP, LEAST, NORMAL_MEDIAN, gap_samples, smallest_step
+from geodesic_ocp.trajectory.gaps import (
+    JUMP,
+    LEAST,
+    NEAR,
+    NORMAL_MEDIAN,
+    gap_samples,
+    smallest_step,
+)
 
 ALL_JOINTS = "all joints"
 Kind = Literal["spike", "repeated frame", "wrap", "frozen", "gap"]
 _WINDOW = 0.5  # [s] to both sides, over which the noise is measured
-# Standard deviation of the distance of noise from the cubic through four neighbours: the root of
-# the sum of squares of 1, 4/6, 4/6, -1/6 and -1/6.
-_OF_CUBIC = float(np.sqrt(70.0) / 6.0)
 _WRAP = 0.5  # [rad] by which a step may differ from whole revolutions
 _REPEATED = 3  # frames at most that are repeated and then caught up with
 _OFTEN = 0.2  # share of frames that repeat the one before, above which it is no exception
 _CATCH_UP = 1.5  # times the step before, at least, after a repeated frame
-# A sensor is frozen if it repeats a number so long and often while another joint moves so far.
-_FROZEN, _FROZEN_SAMPLES, _ELSEWHERE = 0.1, 5, 0.05  # [s], samples, [rad or m]
+# A sensor is frozen if it repeats a number so long while another joint moves so far.
+_FROZEN, _ELSEWHERE = 0.1, 0.05  # [s], [rad or m]
 _AT_LIMIT = 1e-3  # [rad or m] from the end of a joint's range, where a fit to markers holds it
 _ALTERNATING = -0.4  # correlation of successive fourth differences: -0.8 of noise, 1 of a curve
 
@@ -205,7 +209,7 @@ def _frozen(
     values = q[:, column]
     for first, after in _runs(np.diff(values) == 0.0):
         span = slice(first, after + 1)
-        if after - first < _FROZEN_SAMPLES or time[after] - time[first] < _FROZEN:
+        if after - first < NEAR or time[after] - time[first] < _FROZEN:
             continue
         if np.ptp(q[span], axis=0).max() < _ELSEWHERE or np.ptp(values) < LEAST:
             continue
@@ -213,7 +217,9 @@ def _frozen(
             continue
         others = np.delete(away[2:-2], np.s_[max(first - 4, 0) : after + 1])
         noisy = others.size > 8 and others[1:] @ others[:-1] < _ALTERNATING * (others @ others)
-        usual = float(np.median(np.abs(others))) / (NORMAL_MEDIAN * _OF_CUBIC) if noisy else 0.0
+        # The distance from the cubic also has 4/6 of the noise of two neighbours, 1/6 of two more.
+        size = float(np.median(np.abs(others))) if noisy else 0.0
+        usual = size / NORMAL_MEDIAN * 6.0 / 70.0**0.5
         edges = [edge for edge in (first, first + 1, after, after + 1) if edge < len(values)]
         jumps = np.abs(away[edges]) > np.maximum(JUMP * noise[edges], max(LEAST, 2.0 * resolution))
         if usual > resolution or jumps.any():

@@ -31,6 +31,7 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
 )
 from geodesic_ocp.recordings.formats.mmm import Texts, xml_root
 from geodesic_ocp.recordings.formats.text_lines import (
+    SAME_RATE,
     named_failures,
     rate_of,
     stated,
@@ -50,7 +51,7 @@ _LIMBS = (
     *((f"{s}Toe", f"{s}Foot", f"{s}LowerLeg", f"{s}UpperLeg", "Pelvis") for s in ("Right", "Left")),
 )
 _BEFORE = {name: limb[k + 1 :] for limb in _LIMBS for k, name in enumerate(limb)}
-_LATE, _SAME_RATE = 0.01, 0.01  # [s], and part, by which two times of a frame may differ
+_LATE = 0.01  # [s] by which two times of a frame may differ, beside a part of them
 _UNIT = 0.01  # by which the length of a quaternion may differ from one
 _FARTHEST = 1e5  # [m]
 # Directions of bones of so many metres by positions and by orientations, and how far they differ.
@@ -170,7 +171,7 @@ def _time(file: Path, subject: Element, frames: list[Element], given: float | No
         )
     if len(times) == 2:
         ends = [float(each[-1]) for each in times.values()]
-        if not abs(ends[0] - ends[1]) <= _LATE + _SAME_RATE * abs(ends[0]):
+        if not abs(ends[0] - ends[1]) <= _LATE + SAME_RATE * abs(ends[0]):
             raise RecordingError(
                 f"the last frame is at {ends[0]:g} s by its time, at {ends[1]:g} s by its index "
                 f"and frameRate {rate}"

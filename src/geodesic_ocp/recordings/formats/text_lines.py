@@ -88,7 +88,7 @@ def numbers(line: int | None, what: str, words: Sequence[str], count: int) -> li
     return values
 
 
-_SAME_RATE = 0.01  # part by which two statements of one rate may differ
+SAME_RATE = 0.01  # part by which two statements of one rate may differ
 
 
 def stated(file: Path, what: str, own: float | None, given: float | None) -> float | None:
@@ -104,7 +104,7 @@ def stated(file: Path, what: str, own: float | None, given: float | None) -> flo
     """
     if own is None:
         return given
-    if given is not None and not abs(own - given) <= _SAME_RATE * abs(own):
+    if given is not None and not abs(own - given) <= SAME_RATE * abs(own):
         shown, other = (
             str(each) if isinstance(each, bool) else f"{each:g}" for each in (own, given)
         )

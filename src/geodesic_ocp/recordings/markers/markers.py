@@ -135,15 +135,12 @@ def without_gap_numbers(markers: Markers) -> tuple[Markers, str]:
         f"{markers.time[int(np.argmax(gaps[:, k]))]:.3f} s on"
         for k in np.flatnonzero(gaps.any(axis=0)).tolist()
     ]
-    more = f", and {len(told) - _TOLD} others" if len(told) > _TOLD else ""
-    found = f"{', '.join(told[:_TOLD])}{more}" if told else ""
-    return replace(markers, positions=positions), found
+    return replace(markers, positions=positions), ", ".join(told)
 
 
 # Markers of people in one room are not farther apart, nor farther from its origin; those of the
 # smallest movements that are recorded, of one hand, are farther apart [m].
 _WIDEST, _FARTHEST, _NARROWEST = 10.0, 100.0, 0.05
-_TOLD = 10  # markers at most in a message
 _ASKED = ": are the numbers {} or cm? A file must state their unit, Markers must be in m"
 _IN_MM, _IN_M = _ASKED.format("mm"), _ASKED.format("m")
 
