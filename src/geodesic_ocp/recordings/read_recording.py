@@ -181,7 +181,7 @@ def read_motion(
         else:
             motion = FORMATS[kind].read(file, joints, **own)
         if "fill" not in FORMATS[kind].arguments:  # readers of columns leave out gaps themselves
-            motion = without_gaps(file, motion, fill, part)
+            motion = without_gaps(file, motion, fill=fill, part=part)
         if kind in ("mmm", "table"):  # of others the unit of the columns is stated
             check_radians(motion.joint_names, motion.q)
         return motion

@@ -26,6 +26,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
     rate_of,
     read_lines,
     stated,
+    stated_rate,
 )
 from geodesic_ocp.recordings.recording import ask_about_degrees
 from geodesic_ocp.records import write_file
@@ -145,16 +146,16 @@ def read_table(
         chosen = None if columns is None else as_columns(columns)
         of_time = None if chosen is None else chosen.pop("time", None)
         named = None if of_time is None else of_time.name
-        table = read_csv(file, ANGLES, ("rad", "deg"), named, rate)
+        table = read_csv(file, ANGLES, ("rad", "deg"), time=named, rate=rate)
         own = None if table.scale is None else table.scale != 1.0
-        degrees = stated(file, "# unit: deg (degrees_in)", own, degrees_in)
+        degrees = stated(file, "# unit: deg (degrees_in)", own=own, given=degrees_in)
         if degrees is not None:
             table = replace(table, scale=ANGLES["deg" if degrees else "rad"])
         series = _angles(file, table, joints, chosen)
         table.say_assumed(file)
         if table.time is not None:
-            stated(file, "the rate [Hz] (rate)", rate_of(series.time), rate)
-        motion = series.motion(file, series.joint_names, fill, part)
+            stated_rate(file, rate_of(series.time), rate)
+        motion = series.motion(file, series.joint_names, fill=fill, part=part)
         return replace(motion, subject=table.subject)
 
 

@@ -54,7 +54,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
     numbers,
     rate_of,
     read_lines,
-    stated,
+    stated_rate,
     times_at,
 )
 from geodesic_ocp.recordings.markers.markers import Markers, without_prefix
@@ -266,12 +266,12 @@ def _bids(
     types = [each["type"].upper() for each in channels]
     if "LATENCY" in types:
         time = rows.at([types.index("LATENCY")])[:, 0]
-        stated(file, "the rate [Hz] (rate)", rate_of(time), rate)
+        stated_rate(file, rate_of(time), rate)
     else:
         beside = (read_structured(each, "description") for each in _beside(file, "_motion.json"))
         rates = [each[_RATE] for each in beside if isinstance(each, dict) and _RATE in each]
         own = as_positive("the rate of frames", rates[0], "Hz") if rates else None
-        used = stated(file, "the rate [Hz] (rate)", own, rate)
+        used = stated_rate(file, own, rate)
         if used is None:
             wanted = file.name.replace(".tsv", ".json")
             raise RecordingError(

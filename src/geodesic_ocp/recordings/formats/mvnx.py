@@ -34,7 +34,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
     SAME_RATE,
     named_failures,
     rate_of,
-    stated,
+    stated_rate,
     times_at,
 )
 from geodesic_ocp.trajectory.motion import Subject
@@ -108,7 +108,7 @@ def read_mvnx(
         motion = _motion(
             names,
             _parents(subject, names),
-            _time(file, subject, moving, rate),
+            _time(file, subject, moving, given=rate),
             (_rotations([rest], "T pose", len(names)), _places([rest], "T pose", len(names))),
             _rotations(moving, "frame", len(names)),
             _places(moving, "frame", len(names)) if has_places else None,
@@ -151,7 +151,7 @@ def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
     return tuple(parents)
 
 
-def _time(file: Path, subject: Element, frames: list[Element], given: float | None) -> Array:
+def _time(file: Path, subject: Element, frames: list[Element], *, given: float | None) -> Array:
     """Return times [s]: by the index of each frame and frameRate, or those in milliseconds."""
     rate = subject.get("frameRate")
     steps = {"time": 1e-3}
@@ -177,7 +177,7 @@ def _time(file: Path, subject: Element, frames: list[Element], given: float | No
                 f"and frameRate {rate}"
             )
     time = times["index" if "index" in times else "time"]
-    stated(file, "the rate [Hz] (rate)", rate_of(time), given)
+    stated_rate(file, rate_of(time), given)
     return time
 
 

@@ -95,7 +95,7 @@ def motion_of_columns(
     """
 
     def whole(table: Series, names: Iterable[str]) -> Motion:
-        return table.motion(file, list(dict.fromkeys(names)), fill, part)
+        return table.motion(file, list(dict.fromkeys(names)), fill=fill, part=part)
 
     if columns is not None:
         known = as_columns(columns)
@@ -105,7 +105,9 @@ def motion_of_columns(
     if isinstance(chosen, OsimConvention):
         model = read_osim(Path(chosen.model))
         table = read(model.translations)
-        return _by_model(file, whole(table, table.joint_names), joints, chosen, model)
+        return _by_model(
+            file, whole(table, table.joint_names), joints, convention=chosen, model=model
+        )
     table = read(chosen.position if chosen is not None else ())
     names = table.joint_names
     ours = [name for name in names if name in JOINTS]
@@ -170,6 +172,7 @@ def _by_model(
     file: Path,
     table: Motion,
     joints: Sequence[str] | None,
+    *,
     convention: OsimConvention,
     model: OsimModel,
 ) -> Motion:

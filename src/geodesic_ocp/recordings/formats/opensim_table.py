@@ -23,7 +23,13 @@ from geodesic_ocp.recordings.formats.delimited import (
     split_line,
 )
 from geodesic_ocp.recordings.formats.series import Series
-from geodesic_ocp.recordings.formats.text_lines import named_failures, rate_of, stated, times_at
+from geodesic_ocp.recordings.formats.text_lines import (
+    named_failures,
+    rate_of,
+    stated,
+    stated_rate,
+    times_at,
+)
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
@@ -91,7 +97,7 @@ def read_coordinates(
         q[:, angles] *= factor
         time = rows.at([0])[:, 0] if timed else times_at(len(q), rate or np.nan)
         series = Series(time, q, tuple(names))
-        stated(file, "the rate [Hz] (rate)", rate_of(time) if timed else None, rate)
+        stated_rate(file, rate_of(time) if timed else None, rate)
         if factor == 1.0:
             check_radians([names[k] for k in angles], series.known[:, angles])
         else:
@@ -126,7 +132,8 @@ def _radians(file: Path, header: Mapping[str, str], degrees_in: bool | None) -> 
         raise RecordingError(
             f"its header must have inDegrees=yes or inDegrees=no, not 'inDegrees={text}'"
         )
-    degrees = stated(file, "inDegrees (degrees_in)", text == "yes" if text else None, degrees_in)
+    own = text == "yes" if text else None
+    degrees = stated(file, "inDegrees (degrees_in)", own=own, given=degrees_in)
     if degrees is None:
         raise RecordingError(
             "its header must have inDegrees=yes or inDegrees=no, or the unit of its angles is "

@@ -65,7 +65,7 @@ class Series:
         return np.where(self.stand_for_gaps, np.nan, self.q)
 
     def motion(
-        self, file: Path, joints: Sequence[str], fill: float | None, part: int | None
+        self, file: Path, joints: Sequence[str], *, fill: float | None, part: int | None
     ) -> Motion:
         """Return the motion of these columns, whose gaps alone matter.
 
@@ -160,7 +160,7 @@ class Series:
         )
 
 
-def without_gaps(file: Path, motion: Motion, fill: float | None, part: int | None) -> Motion:
+def without_gaps(file: Path, motion: Motion, *, fill: float | None, part: int | None) -> Motion:
     """Return a motion whose numbers may stand for gaps without these, see `Series.motion`.
 
     Where a gap is bridged, the pose of the trunk is interpolated, too.

@@ -29,7 +29,7 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     SkeletonMotion,
     skeleton_segments,
 )
-from geodesic_ocp.recordings.formats.text_lines import named_failures, stated
+from geodesic_ocp.recordings.formats.text_lines import named_failures, stated_rate
 from geodesic_ocp.records import read_arrays
 
 # Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
@@ -90,7 +90,7 @@ def read_smpl(
     with named_failures(file):
         chosen = as_skeleton_convention(convention) or SMPL
         poses, own = _arrays(file)
-        used = stated(file, "the rate [Hz] (rate)", own, rate)
+        used = stated_rate(file, own, rate)
         if used is None:
             raise RecordingError(
                 f"there is no {' or '.join(map(repr, _RATES[:2]))} in it, nor {_RATES[2]!r}: give "

@@ -91,7 +91,7 @@ def numbers(line: int | None, what: str, words: Sequence[str], count: int) -> li
 SAME_RATE = 0.01  # part by which two statements of one rate may differ
 
 
-def stated(file: Path, what: str, own: float | None, given: float | None) -> float | None:
+def stated(file: Path, what: str, *, own: float | None, given: float | None) -> float | None:
     """Return what a file states of itself or, where it says nothing, what was given.
 
     Where it states something else, a RuntimeWarning says so.
@@ -114,6 +114,11 @@ def stated(file: Path, what: str, own: float | None, given: float | None) -> flo
             stacklevel=4,
         )
     return own
+
+
+def stated_rate(file: Path, own: float | None, given: float | None) -> float | None:
+    """Return the rate [Hz] that a file states or, where it says nothing, the one that was given."""
+    return stated(file, "the rate [Hz] (rate)", own=own, given=given)
 
 
 def rate_of(time: Array) -> float | None:
