@@ -15,6 +15,7 @@ from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.formats.series import Gaps
+from geodesic_ocp.recordings.formats.text_lines import unless_stated
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis
 from geodesic_ocp.recordings.read_recording import (
@@ -156,8 +157,9 @@ def read_recordings(
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
         convention, unit, rate, skeleton, up, marker_set, columns, fill, part, degrees_in: see
-            `read_recording`; each is used for the files to whose format it applies. With `fill`, a
-            table with longer gaps is a recording for each part between them, or for this part.
+            `read_recording`; each is used for the files to whose format it applies, `rate` and
+            `degrees_in` for those that do not state theirs. With `fill`, a file with longer gaps is
+            a recording for each part between them, or for this part.
 
     Returns:
         One recording a file or part, in the order given, sorted by name within a folder. Its name
@@ -182,7 +184,8 @@ def read_recordings(
         given = that_apply(file, stated)
         for number in parts_of(file, side, given):
             try:
-                recording = read_recording(file, side, **(numbers | given | {"part": number}))
+                with unless_stated():
+                    recording = read_recording(file, side, **(numbers | given | {"part": number}))
             except (ValueError, NotConverged) as failure:
                 reasons.append(_with_name(file, str(failure)))
                 continue

@@ -127,6 +127,14 @@ def rate_of(time: Array) -> float | None:
     return (time.size - 1) / float(time[-1] - time[0]) if lasting else None
 
 
+@contextmanager
+def unless_stated() -> Iterator[None]:
+    """Yield without the warnings of `stated`: of many files, each takes what it does not state."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*, as the file states, not ", RuntimeWarning)
+        yield
+
+
 def times_at(count: int, rate: float) -> Array:
     """Return the times (k,) [s] of so many samples at a rate [Hz], from zero on."""
     return np.arange(count) / as_positive("rate", rate, "Hz")
