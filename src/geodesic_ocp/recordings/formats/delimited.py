@@ -383,10 +383,8 @@ def check_whole(rows: Rows, names: Sequence[str], positions: Array) -> None:
 
 
 def _starts(named: Sequence[int], count: int, axes: int) -> list[int]:
-    """Return the first column of every marker.
-
-    The names are three columns apart, where some may be empty; or, in any other layout, they are
-    those of all markers.
+    """Return the first column of every marker: names are three columns apart, where some may be
+    empty, or else those of all markers.
 
     Args:
         named: indices of the cells with names in line 4.
