@@ -126,3 +126,14 @@ def test_an_encoder_that_stands_within_its_step_is_not_frozen(bits: int) -> None
     with pytest.warns(RuntimeWarning, match=r"shoulder from .*\(frozen"):
         found = go.Motion(time, q, NAMES).without_outliers().outliers
     assert [each.kind for each in found] == ["frozen"]
+
+
+@pytest.mark.parametrize("slow", [0.1, 0.2, 0.3])
+def test_steps_of_coarse_sensors_are_no_repeated_frames(slow: float) -> None:
+    """Three joints may repeat a frame together, and then step once or twice each."""
+    time = np.arange(1000) / 100.0
+    angles = np.sin(2.0 * np.pi * slow * time[:, None] * [1.0, 0.8, 1.2] + [0.0, 2.0, 4.0])
+    step = np.radians(0.5)
+    noise = 0.2 * np.random.default_rng(0).normal(size=angles.shape)
+    q = step * np.round(angles / step + noise)
+    assert go.Motion(time, q, NAMES).without_outliers().outliers == ()

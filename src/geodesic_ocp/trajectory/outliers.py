@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -93,7 +94,7 @@ def without_outliers(
     for column, name in enumerate(names):
         found += _unwrap(time, q[:, column], name)
     missing = np.zeros(q.shape, dtype=bool)
-    for first, last in _repeated(q):
+    for first, last in _repeated(q, float(np.linalg.norm(resolutions))):
         missing[first : last + 1] = True
         found.append(Outlier("repeated frame", ALL_JOINTS, time[first], time[last]))
     _interpolate(time, q, missing)
@@ -143,8 +144,11 @@ def _runs(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
     return edges.reshape(-1, 2)
 
 
-def _repeated(q: Array) -> Iterator[tuple[int, int]]:
-    """Yield first and last frames that repeat the one before, if the next one catches up."""
+def _repeated(q: Array, resolution: float) -> Iterator[tuple[int, int]]:
+    """Yield first and last frames that repeat the one before, if the next one catches up.
+
+    Coarse sensors repeat frames as well: there the next one is a step or two of each off.
+    """
     steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
     if np.mean(steps == 0.0) > _OFTEN:  # it rests, or every sample is there twice
         return
@@ -154,7 +158,8 @@ def _repeated(q: Array) -> Iterator[tuple[int, int]]:
         # Joints move before and after, as far as in the frames that are lost.
         before, next_one = steps[first - 1], steps[after]
         usual = np.median(steps[max(0, first - 5) : after + 6])
-        if next_one > _CATCH_UP * max(before, usual) and before > 0.0:
+        explained = max(_CATCH_UP * max(before, usual), 2.0 * resolution)
+        if next_one > explained and before > 0.0:
             yield int(first + 1), int(after)
 
 
@@ -203,8 +208,9 @@ def _frozen(
 ) -> Iterator[tuple[int, int]]:
     """Yield first and last samples of spans in which a joint repeats a number while another moves.
 
-    A joint whose noise is less than the resolution of its numbers repeats them wherever it stands
-    still, or moves by less than that. Such a joint is frozen only where it jumps afterwards.
+    A joint whose noise is small against the resolution of its numbers repeats them wherever it
+    stands still, or moves by less than that. It is frozen where it repeats one for longer than it
+    would by chance, once in twenty recordings, or jumps afterwards.
     """
     values = q[:, column]
     for first, after in _runs(np.diff(values) == 0.0):
@@ -217,13 +223,27 @@ def _frozen(
             continue
         others = np.delete(away[2:-2], np.s_[max(first - 4, 0) : after + 1])
         noisy = others.size > 8 and others[1:] @ others[:-1] < _ALTERNATING * (others @ others)
-        # The distance from the cubic also has 4/6 of the noise of two neighbours, 1/6 of two more.
-        size = float(np.median(np.abs(others))) if noisy else 0.0
-        usual = size / NORMAL_MEDIAN * 6.0 / 70.0**0.5
+        chance = _stay(np.abs(others), resolution) if noisy else 1.0
+        by_chance = len(values) * chance ** float(after + 1 - first)
         edges = [edge for edge in (first, first + 1, after, after + 1) if edge < len(values)]
         jumps = np.abs(away[edges]) > np.maximum(JUMP * noise[edges], max(LEAST, 2.0 * resolution))
-        if usual > resolution or jumps.any():
+        if by_chance < 0.05 or jumps.any():
             yield int(first), int(after)
+
+
+def _stay(away: Array, resolution: float) -> float:
+    """Return the largest probability of one number, where the true value is in the middle of a
+    step: erf(r / sqrt(8) s), with the resolution r and the noise s apart from that of rounding; 1
+    where s is less than r, as the steps themselves look like such noise.
+
+    Args:
+        away: distances (m,) from the cubic, which also have 4/6 of the noise of two neighbours and
+            1/6 of that of two more.
+        resolution: [rad or m].
+    """
+    noise = float(np.median(away)) / NORMAL_MEDIAN * 6.0 / 70.0**0.5
+    own = math.sqrt(max(0.0, noise**2 - resolution**2 / 12.0))
+    return math.erf(resolution / (math.sqrt(8.0) * own)) if own > resolution else 1.0
 
 
 def _interpolate(time: Array, q: Array, missing: NDArray[np.bool_]) -> None:
