@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, with the permissions of any new file."""
+"""Files are written whole or not at all, with the permissions of any new file; errors name them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_ocp.records import TEMPORARY, write_file
+from geodesic_ocp.recordings.formats.series import Gaps
+from geodesic_ocp.records import TEMPORARY, naming, write_file
 from geodesic_ocp.studies.study_tables import write_table
 
 
@@ -57,3 +58,19 @@ def test_failures_name_the_file_that_was_to_be_written(
         write_file(tmp_path / "b.txt", "text")
     assert denied.value.filename == str(tmp_path / "b.txt")
     assert [each.name for each in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_errors_name_the_files_that_were_used(tmp_path: Path) -> None:
+    used, named = tmp_path / "used.csv", tmp_path / "named.csv"
+    for file in (used, named):
+        file.write_text("")
+    failure = Gaps(f"{named}: is wrong", [(0.0, 1.0)])
+    with (
+        pytest.raises(
+            Gaps, match=r"named\.csv: is wrong \(with marker set .*used\.csv\)$"
+        ) as found,
+        naming(marker_set=used, columns=str(named), convention="isb", skeleton=None),
+    ):
+        raise failure
+    assert found.value is failure
+    assert found.value.parts == ((0.0, 1.0),)

@@ -152,6 +152,33 @@ def decoding(file: str | PathLike[str]) -> Iterator[None]:
         raise RecordingError(f"{file}: {str(failure) or type(failure).__name__}") from None
 
 
+@contextmanager
+def naming(**files: object) -> Iterator[None]:
+    """Yield errors by values end with the files that were used, but for those that they name.
+
+    What a file says may be wrong for what it is used with, such as a column that another file does
+    not have.
+
+    Args:
+        files: paths by what they are, such as `columns`; what is no file does not count.
+
+    Raises:
+        ValueError: the same error, with another message.
+    """
+    try:
+        yield
+    except ValueError as failure:
+        used = {what: file for what, file in files.items() if isinstance(file, (str, PathLike))}
+        ending = ", ".join(
+            f"{what.replace('_', ' ')} {file}"
+            for what, file in used.items()
+            if str(file) not in str(failure) and Path(file).is_file()
+        )
+        if ending and failure.args == (str(failure),):  # not those of decoding, say
+            failure.args = (f"{failure} (with {ending})",)
+        raise
+
+
 _Numbers = float | list[float | list[float | list[float]]]
 
 

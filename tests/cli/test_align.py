@@ -26,7 +26,7 @@ def robot(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_an_alignment_is_shown_written_and_shown_again_as_edited(
-    robot: Path, tmp_path: Path, printed: Output
+    robot: Path, tmp_path: Path, printed: Output, refused: Output
 ) -> None:
     out = tmp_path / "not there yet" / "six.json"
     command = ["align", str(robot), "--hand", "flange"]
@@ -42,6 +42,10 @@ def test_an_alignment_is_shown_written_and_shown_again_as_edited(
     text = printed(*command, "--alignment", out)
     assert f"read from {out}" in text
     assert "at (0.000, 0.100, 0.300) m" in text
+    out.write_text(json.dumps(record | {"elbow": "absent"}))
+    error = refused(*command, "--alignment", out)
+    assert "elbow is 'absent', which is not a joint" in error
+    assert f"(with --alignment {out})" in error
 
 
 def test_side_and_base_are_options(robot: Path, printed: Output) -> None:

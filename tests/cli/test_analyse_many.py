@@ -153,7 +153,7 @@ def test_what_formats_leave_open_can_be_stated(tmp_path: Path) -> None:
     for file in files.values():
         Path(file).touch()
     given = ["--convention", "isb", "--unit", "cm", "--amc-rate", "60", "--up=-y"]
-    given += ["--fill", "0.2", "--part", "3", "--person", "Ann"]
+    given += ["--fill", "0.2", "--part", "3", "--person", "Ann", "--degrees-in"]
     given += [f"--{name.replace('_', '-')}={file}" for name, file in files.items()]
     for command, name in (
         (["analyse", "a"], "analysis"),
@@ -165,7 +165,10 @@ def test_what_formats_leave_open_can_be_stated(tmp_path: Path) -> None:
         settings = bound.arguments[name]
         found = getattr(settings, "recording", settings).reading()
         stated = {"convention": "isb", "unit": "cm", "rate": 60.0, "up": "-y", "fill": 0.2}
-        assert found == {**stated, "part": 3, "person": "Ann", **files}
+        assert found == {**stated, "part": 3, "person": "Ann", "degrees_in": True, **files}
+    given[given.index("--amc-rate")] = "--sample-rate"
+    _, bound, _ = cli.new_app().parse_args(["analyse", "a", *given])
+    assert bound.arguments["analysis"].reading()["rate"] == 60.0
 
 
 @pytest.mark.parametrize(

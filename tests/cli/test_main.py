@@ -22,6 +22,7 @@ from geodesic_ocp.cli import analyse as analyse_command
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.model.formats import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS
+from geodesic_ocp.recordings.read_recording import BUNDLED
 from geodesic_ocp.studies import analyse_recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
@@ -179,7 +180,13 @@ def test_settings_come_from_a_file_and_options_go_first(tmp_path: Path, refused:
         ('threshold = "much"\n', "much"),
     ):
         wrong.write_text(text)
-        assert message in refused("analyse", "a.csv", "--settings", wrong)
+        error = refused("analyse", "a.csv", "--settings", wrong)
+        assert message in error
+        assert "wrong.toml" in error
+    wrong.write_text("rest-speed = -1.0\nmin_duration = 0.1\n")
+    for given in (["--settings", wrong], [f"--settings={wrong}"]):  # found when the file is read
+        error = refused("analyse", BUNDLED, "--side", "left", *given)
+        assert f"got -1.0 (with the settings of {wrong}: rest-speed = -1.0)" in error
     wrong.write_text("no-rest = true\n")  # which would be read as rest = true
     assert "'no-rest'; did you mean 'rest'?" in refused(*command[:-1], wrong)
     assert "none.toml: cannot be read" in refused(

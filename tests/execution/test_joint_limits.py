@@ -86,6 +86,9 @@ joint_limits:
     file.write_text(text.replace("max_velocity: 0.4, ", ""))
     with pytest.raises(ValueError, match=r"yaml: max_velocity of lift must be positive"):
         joint_limits(two, file=file)
+    file.write_text(text.replace("min_position: -2", "min_position: 3"))
+    with pytest.raises(ValueError, match=r"turn: the lower limit .*limits .*joint_limits\.yaml\)$"):
+        within_ranges(two, None, file)
     file.write_text("joint_limits: {finger: {}}")
     with pytest.raises(ValueError, match="has none of the joints lift, turn"):
         joint_limits(two, file=file)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.angle_tables import Gaps
+from geodesic_ocp.recordings.formats.series import Gaps
 
 JOINTS = ("RSx_joint", "REx_joint")
 TIME = np.arange(301) / 100.0
@@ -101,6 +101,21 @@ def test_columns_have_names_signs_units_and_offsets(tmp_path: Path) -> None:
 def test_wrong_columns_are_named(columns: object, message: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=message):
         go.read_motion(write(tmp_path, PLAIN), columns=columns)
+
+
+def test_errors_of_columns_name_their_file(tmp_path: Path) -> None:
+    """Also those that are none of the file itself, but of what it is used with."""
+    file, columns = write(tmp_path, PLAIN), tmp_path / "columns.csv"
+    for text, message in {
+        "ours,theirs\nREx_joint,elbow\nRSx_joint,RSx_joint\n": "there is no column elbow",
+        "ours,theirs\nREx_joint,REx_joint\n": "columns give no joint RSx_joint",
+    }.items():
+        columns.write_text(text)
+        with pytest.raises(go.RecordingError, match=rf"table\.csv: {message}.*columns\.csv\)$"):
+            go.read_motion(file, JOINTS, columns=columns)
+    columns.write_text("ours,theirs,sign\nREx_joint,REx_joint,up\n")
+    with pytest.raises(go.RecordingError, match=r"columns\.csv: row 2: sign is not numeric: 'up'$"):
+        go.read_motion(file, columns=columns)
 
 
 def gappy(*spans: tuple[float, float]) -> str:

@@ -49,6 +49,21 @@ def points(seed: int = 0) -> np.ndarray:
         (TRC, {"\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n": ""}),
         (TRC.replace("\t\t\t\n", "\tnan\tnan\tnan\n").replace("\t\t", ""), {"\t": "  "}),
         (TRC, {"\n": "\r\n"}),
+        # Variants of OpenSim's own examples and programs.
+        (TRC, {"100\t100\t3\t2\tmm": "  100.0\t\t  100.0\t\t 3\t\t2\t\t mm", "Rate\t": "Rate\t\t"}),
+        (TRC, {"\tRSHO\t\t\tRELB\t\t": "\t\tRSHO\t\tRELB\t", "\tX1": "\t\tX1"}),
+        (
+            TRC,
+            {
+                "Time\tRSHO": "Time\t\tRSHO",
+                "\tX1": "\t\tX1",
+                "0\t100.0": "0\t\t100.0",
+                "1\t101.0": "1\t\t101.0",
+                "2\t102.0": "2\t\t102.0",
+            },
+        ),
+        (TRC, {"\t": ","}),
+        (TRC, {"\t": ",", "\n": ",\n"}),
         (MARKER_TABLE, {}),
         (MARKER_TABLE, {",,,": ",nan,nan,nan"}),
         (
@@ -102,7 +117,11 @@ def test_counts_in_the_header_of_trc_that_are_wrong_are_told(tmp_path: Path) -> 
         ("RSHO\t\t\tRELB\t\t", "", "line 4 names no markers"),
         ("\tRSHO\t\t\tRELB\t\t", "", "line 4 must name Frame#, Time and the markers"),
         ("Frame#", "Sample", "line 4 must name Frame#"),
-        ("RSHO\t", "\tRSHO", "names of markers must be three columns apart"),
+        (
+            "\tRSHO\t\t\tRELB\t\t",
+            "\tRSHO",
+            "names 1 markers, which must be three columns apart, but line 5 has 6 coordinates",
+        ),
         (TRC[TRC.index("Frame#") :], "", "is cut off after 3 lines, within the header"),
     ],
 )

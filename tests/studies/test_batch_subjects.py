@@ -65,6 +65,7 @@ def test_a_pattern_may_begin_in_the_current_folder() -> None:
         ("file,subject\na,\n", "line 2: file and subject must not be empty"),
         ("file,subject,height\na,b,tall\n", "line 2: height: could not convert"),
         ("file,subject,mass\na,b,60\nc,d,-1\n", "line 3: mass: mass must be positive"),
+        ("file,subject,height\na,b,1.7\nc,d,170\n", "line 3: height and mass must be at most 3 m"),
         ("file,subject\n\xff,b\n", "is not text in UTF-8"),
         ("file,subject,height\na,b,1,80\n", "line 2: 4 values under 3 columns"),
         ("file,subject\na.c3d,A\nb,B\na.c3d,B\n", "line 2 and line 4 differ about a.c3d"),

@@ -92,3 +92,48 @@ def test_rests_and_joints_at_their_limits_are_not_frozen() -> None:
     held[:, 1] = np.maximum(held[:, 1], -0.5)
     for q in (rest, held):
         assert go.Motion(TIME, q, NAMES).without_outliers().outliers == ()
+
+
+def test_a_wrapped_angle_stays_where_it_was_most_of_the_time() -> None:
+    """As scipy's, or numpy's, unwrap; a median would move this one by a revolution."""
+    angle = 3.4 + 0.5 * np.sin(4.0 * TIME)
+    wrapped = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    q = np.column_stack([wrapped, CURVE[:, 1]])
+    with pytest.warns(RuntimeWarning, match="wrap, undone"):
+        cleaned = go.Motion(TIME, q, NAMES[:2]).without_outliers()
+    unwrapped = np.unwrap(wrapped)
+    assert np.ptp(cleaned.q[:, 0] - unwrapped) == pytest.approx(0.0, abs=1e-12)
+    assert np.mean(np.abs(cleaned.q[:, 0] - wrapped) < 1e-12) >= 0.5
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+def test_an_encoder_that_stands_within_its_step_is_not_frozen(bits: int) -> None:
+    """Three joints that move and rest by turns for 10 s, to the step of their encoders."""
+    time = np.arange(1000) / 100.0
+    q = np.zeros((1000, 3))
+    for joint in range(3):
+        for start in np.arange(0.2 + 0.2 * joint, 9.0, 1.6):
+            s = np.clip((time - start) / 0.8, 0.0, 1.0)
+            sign = (-1.0) ** round(start / 1.6)
+            q[:, joint] += sign * 0.7 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+    step = 2.0 * np.pi / 2**bits
+    q = step * np.round(q / step)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert go.Motion(time, q, NAMES).without_outliers().outliers == ()
+    fastest = int(np.argmax(np.abs(np.diff(q[:, 0]))))
+    q[fastest - 10 : fastest + 10, 0] = q[fastest - 10, 0]
+    with pytest.warns(RuntimeWarning, match=r"shoulder from .*\(frozen"):
+        found = go.Motion(time, q, NAMES).without_outliers().outliers
+    assert [each.kind for each in found] == ["frozen"]
+
+
+@pytest.mark.parametrize("slow", [0.1, 0.2, 0.3])
+def test_steps_of_coarse_sensors_are_no_repeated_frames(slow: float) -> None:
+    """Three joints may repeat a frame together, and then step once or twice each."""
+    time = np.arange(1000) / 100.0
+    angles = np.sin(2.0 * np.pi * slow * time[:, None] * [1.0, 0.8, 1.2] + [0.0, 2.0, 4.0])
+    step = np.radians(0.5)
+    noise = 0.2 * np.random.default_rng(0).normal(size=angles.shape)
+    q = step * np.round(angles / step + noise)
+    assert go.Motion(time, q, NAMES).without_outliers().outliers == ()

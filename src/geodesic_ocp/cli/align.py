@@ -17,6 +17,7 @@ from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_alignment import (
     Alignment,
+    check_joints,
     known_alignment,
     proposal,
     read_alignment,
@@ -63,6 +64,7 @@ def align(
     known = known_alignment(model) if side is None or len(model.hands) == 2 else None
     notes: tuple[str, ...] = ()
     if given is not None:
+        check_joints(given, model)
         aligned, source = given, f"read from {alignment}"
     elif known is not None:
         aligned, source = known, f"the built-in alignment of {model.name}"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib.metadata import version
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if Interrupts.seen:
                 return _failed("interrupted", 130)
             if isinstance(error, (ValueError, OSError)):
-                return _failed(error, 2)
+                return _failed(_with_files(error, tokens), 2)
             if isinstance(error, GeodesicOcpError):
                 return _failed(error, 3)
             if isinstance(error, ImportError) and _EXTRA in str(error):
@@ -94,10 +96,10 @@ def new_app() -> App:
 
 def _settings_file(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
     """Take options that are not given from the file that --settings names."""
-    tokens = [each.tokens[0] for each in arguments if each.name == "--settings" and each.tokens]
-    if not tokens:
+    given = [each.tokens[0] for each in arguments if each.name == "--settings" and each.tokens]
+    if not given:
         return
-    file = Path(tokens[0].value)
+    file = Path(given[0].value)
     found = read_structured(file, "table of settings")
     names = [name for each in arguments for name in each.names if name not in each.negatives]
     known = {name.lstrip("-").replace("-", "_"): name for name in names}
@@ -113,6 +115,31 @@ def _settings_file(app: App, commands: tuple[str, ...], arguments: ArgumentColle
             raise ValueError(f"--settings {file}: {wrong}: {key!r}{hint}")
         settings[name] = value
     Dict(settings, source=str(file), use_commands_as_keys=False)(app, commands, arguments)
+
+
+def _with_files(error: Exception, tokens: Sequence[str]) -> str:
+    """Return the message of an error, and the files among the options that it is about, unless it
+    names them; of a file of settings, also those.
+    """
+    words = chain(*(each.split("=", 1) for each in tokens))
+    message = str(error)
+    endings = []
+    for option, file in pairwise(words):
+        if not option.startswith("--") or file in message or not Path(file).is_file():
+            continue
+        if option == "--settings":
+            found = read_structured(Path(file), "table of settings")
+            meant = [f"{key} = {each!r}" for key, each in found.items() if _is_about(message, key)]
+            endings.append(f"the settings of {file}" + (f": {', '.join(meant)}" if meant else ""))
+        elif _is_about(message, option.lstrip("-")):
+            endings.append(f"{option} {file}")
+    return f"{message} (with {', and '.join(endings)})" if endings else message
+
+
+def _is_about(message: str, key: str) -> bool:
+    """Return whether a message names an option or setting, or the first word of its name."""
+    words = (key.replace("-", "_"), key.replace("_", "-"), re.split("[-_]", key)[0])
+    return any(re.search(rf"\b{re.escape(word)}\b", message) for word in words)
 
 
 def current(tokens: Sequence[str]) -> list[str]:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.records import convert, read_record, read_structured
+from geodesic_ocp.records import convert, naming, read_record, read_structured
 from geodesic_ocp.tables import markdown, new_table
 
 if TYPE_CHECKING:
@@ -263,21 +263,24 @@ def within_ranges(
     Raises:
         ValueError: an unknown joint, no share, or a range with nothing in common with the model's.
     """
-    lower, upper = model.lower.copy(), model.upper.copy()
-    for k, stated in ({} if file is None else _in_moveit(Path(file), model)).items():
-        if stated.get("has_position_limits"):
-            low, high = (
-                as_number(f"{file}: {end} of {model.joint_names[k]}", stated.get(end))
-                for end in ("min_position", "max_position")
-            )
-            lower[k], upper[k] = max(low, lower[k]), min(high, upper[k])
-    for k, entry in _by_joint("position", position, model).items():
-        if not _SHARE.fullmatch(str(entry)):
-            raise ValueError(f"position must be a share of the range such as 90%, got {entry!r}")
-        middle, range_of = (lower[k] + upper[k]) / 2.0, f"range of {model.joint_names[k]}"
-        half, _ = _given("position", entry, (upper[k] - lower[k]) / 2.0, range_of)
-        lower[k], upper[k] = middle - half, middle + half
-    return model.with_limits(lower, upper)
+    with naming(joint_limits=file):
+        lower, upper = model.lower.copy(), model.upper.copy()
+        for k, stated in ({} if file is None else _in_moveit(Path(file), model)).items():
+            if stated.get("has_position_limits"):
+                low, high = (
+                    as_number(f"{file}: {end} of {model.joint_names[k]}", stated.get(end))
+                    for end in ("min_position", "max_position")
+                )
+                lower[k], upper[k] = max(low, lower[k]), min(high, upper[k])
+        for k, entry in _by_joint("position", position, model).items():
+            if not _SHARE.fullmatch(str(entry)):
+                raise ValueError(
+                    f"position must be a share of the range such as 90%, got {entry!r}"
+                )
+            middle, range_of = (lower[k] + upper[k]) / 2.0, f"range of {model.joint_names[k]}"
+            half, _ = _given("position", entry, (upper[k] - lower[k]) / 2.0, range_of)
+            lower[k], upper[k] = middle - half, middle + half
+        return model.with_limits(lower, upper)
 
 
 _SHARE = re.compile(r"(\d+\.?\d*) ?%")

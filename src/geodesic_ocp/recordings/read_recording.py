@@ -23,8 +23,9 @@ from geodesic_ocp.model.human import (
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.segment_orientations import joint_angles
-from geodesic_ocp.recordings.formats.angle_tables import Gaps, noted_doubts
+from geodesic_ocp.recordings.formats.angle_tables import noted_doubts
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
+from geodesic_ocp.recordings.formats.series import Gaps, without_gaps
 from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
@@ -34,6 +35,7 @@ from geodesic_ocp.recordings.markers.markers import (
     as_axis,
     check_plausible_size,
     with_z_up,
+    without_gap_numbers,
 )
 from geodesic_ocp.recordings.markers.people import of_person
 from geodesic_ocp.recordings.recording import (
@@ -43,7 +45,9 @@ from geodesic_ocp.recordings.recording import (
     check_radians,
     check_units,
     warn_of_gimbal_lock,
+    within_limits,
 )
+from geodesic_ocp.records import naming
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 
@@ -54,7 +58,9 @@ def read_markers(
     Motion-BIDS, or a table with NAME_x, NAME_y, NAME_z.
 
     The content of the file tells its format. Positions are converted to metres, in the axes of
-    the file unless `up` is given; a marker that was not seen is NaN.
+    the file unless `up` is given; a marker that was not seen is NaN. So is one at a position that
+    is far away in any unit, or that is repeated exactly and to which the marker jumps and back; a
+    RuntimeWarning names the latter.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -93,6 +99,13 @@ def read_markers(
                 f"{file}: {FORMATS[kind].label} has no markers; read it with go.read_motion"
             )
         markers = of_person(FORMATS[kind].read(file), person, str(file))
+        markers, gaps = without_gap_numbers(markers)
+        if gaps:
+            warnings.warn(
+                f"{file}: gaps, as the markers jump there to a place and back: {gaps}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
         check_plausible_size(markers)
     return markers if up is None else with_z_up(markers, up)
 
@@ -109,6 +122,7 @@ def read_motion(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
 ) -> Motion:
     """Read a recorded motion from a file, whose format its content tells, not its suffix.
 
@@ -130,18 +144,25 @@ def read_motion(
             model (.osim), or of the skeleton of an AMC, BVH, MVNX or .npz file; by default the
             known one that fits the names in the file.
         skeleton: file (.asf) that belongs to an AMC file; by default the one beside it.
-        rate: rate of an AMC file [Hz], which does not contain it; 120 Hz by default.
+        rate: sampling rate [Hz], where the file has neither a rate nor times; 120 Hz by default of
+            an AMC file.
         unit: unit of lengths in a BVH or AMC file: "m", "cm", "mm", "in" or a number of metres.
         up: the axis that points upwards in the space of a skeleton, such as "y" or "-z".
         columns: which columns of a table are which joints: by joint the name of a column, or a
             `Column` with sign, unit and offset; or a CSV file ours,theirs,sign,unit,offset.
-        fill: longest gap of a table, of empty cells or nan, that is bridged [s]; none by default.
-        part: number of a part of a table, from 1, between longer gaps.
+        fill: longest gap that is bridged [s]: empty cells, nan, or numbers that stand for a gap,
+            such as rows of zeros, to which joints jump and back; none by default.
+        part: number of a part, from 1, between longer gaps.
+        degrees_in: whether the angles of a table or an OpenSim file that does not say their unit
+            are in degrees.
+
+    What the file says comes before `rate` and `degrees_in`; a warning names the difference.
 
     Raises:
-        RecordingError: the file is missing, of an unknown format, or malformed, or its angles look
-            like degrees though they should be radians; the message names the file, the line or
-            element, and what was expected there.
+        RecordingError: the file is missing, of an unknown format, or malformed, it has gaps that
+            are not bridged and no part between them is asked for, or its angles look like degrees
+            though they should be radians; the message names the file, the line or element, and
+            what was expected there.
         ValueError: an argument that does not apply to files of this format.
     """
     file = Path(path)
@@ -156,13 +177,19 @@ def read_motion(
         )
     arguments = {"convention": convention, "skeleton": skeleton, "rate": rate, "unit": unit}
     arguments |= {"up": up, "columns": columns, "fill": fill, "part": part}
+    arguments["degrees_in"] = degrees_in
     given = {name: value for name, value in arguments.items() if value is not None}
     check_stated(file, kind, given)
-    with named_failures(file):
+    own = {name: value for name, value in given.items() if name in FORMATS[kind].arguments}
+    files = {name: given.get(name) for name in ("columns", "convention", "skeleton")}
+    with naming(**files), named_failures(file):
         if FORMATS[kind].content == "segments":
-            return joint_angles(FORMATS[kind].read(file, **given), joints)
-        motion: Motion = FORMATS[kind].read(file, joints, **given)
-        if kind not in ("opensim", "bids angles"):  # whose columns have their unit stated
+            motion = joint_angles(FORMATS[kind].read(file, **own), joints)
+        else:
+            motion = FORMATS[kind].read(file, joints, **own)
+        if "fill" not in FORMATS[kind].arguments:  # readers of columns leave out gaps themselves
+            motion = without_gaps(file, motion, fill=fill, part=part)
+        if kind in ("mmm", "table"):  # of others the unit of the columns is stated
             check_radians(motion.joint_names, motion.q)
         return replace(motion, doubts=noted_doubts(file)) if kind == "table" else motion
 
@@ -170,8 +197,8 @@ def read_motion(
 def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
     """Raise ValueError if arguments of these names do not apply to files of this format."""
     for name in names:
-        if name not in FORMATS[kind].arguments:
-            others = " and ".join(e.label for e in FORMATS.values() if name in e.arguments)
+        if name not in FORMATS[kind].applicable:
+            others = " and ".join(e.label for e in FORMATS.values() if name in e.applicable)
             raise ValueError(f"{name} is for {others}; {file} is {FORMATS[kind].label}")
 
 
@@ -184,7 +211,7 @@ def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
         kind = recognise(file)
     except (RecordingError, OSError):
         return {}
-    return {name: value for name, value in arguments.items() if name in FORMATS[kind].arguments}
+    return {name: value for name, value in arguments.items() if name in FORMATS[kind].applicable}
 
 
 def read_recording(
@@ -208,6 +235,7 @@ def read_recording(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
 ) -> Recording:
     """Read a recording of one or both human arms, filter it, and scale a model to the person.
 
@@ -228,12 +256,12 @@ def read_recording(
         duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         unfiltered: take the motion as it is, with the velocities of a cubic spline; so are motions
             fitted to markers, which the fit has smoothed, unless a filter is given.
-        convention, unit, rate, skeleton: where the file's format does not give them, see
+        convention, unit, rate, skeleton, degrees_in: where the file does not give them, see
             `read_motion`.
         up: the axis that points upwards in a file of markers or of a skeleton.
         marker_set: where the markers are, or a file that says so, see `fit_markers`.
         person: person in a file with the markers of several, see `read_markers`.
-        columns, fill, part: columns of a table, and its gaps, see `read_motion`.
+        columns, fill, part: columns of a table, and gaps, see `read_motion`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.
@@ -248,7 +276,7 @@ def read_recording(
     check_arguments(side, up, numbers, unfiltered=unfiltered)
     file = Path(path)
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
-    stated |= {"columns": columns, "fill": fill, "part": part}
+    stated |= {"columns": columns, "fill": fill, "part": part, "degrees_in": degrees_in}
     of_markers = {"up": up, "marker_set": marker_set}
     with named_failures(file):
         kind = recognise(file)
@@ -269,7 +297,7 @@ def read_recording(
     with named_failures(file):
         motion = motion.select(arm.joint_names)
         check_units(arm, motion)
-        motion = motion.without_outliers()
+        motion = within_limits(arm, motion.without_outliers())
         check_plausible(arm, motion)
         ask_about_limits(arm, motion, str(file))
         warn_of_gimbal_lock(motion, str(file))
@@ -374,7 +402,8 @@ def _fitted(
     """Return the motion that is fitted to the markers, and the arm with the person's lengths."""
     from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 
-    with named_failures(file), warnings.catch_warnings():
+    used = naming(marker_set=of_markers["marker_set"])
+    with used, named_failures(file), warnings.catch_warnings():
         warnings.filterwarnings("ignore", DOUBTFUL, RuntimeWarning)  # named below
         fit = fit_markers(arm, markers, height=height, **of_markers)
     if fit.doubts:

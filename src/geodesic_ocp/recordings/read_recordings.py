@@ -14,7 +14,8 @@ import numpy as np
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.formats.angle_tables import Gaps
+from geodesic_ocp.recordings.formats.series import Gaps
+from geodesic_ocp.recordings.formats.text_lines import unless_stated
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis
 from geodesic_ocp.recordings.read_recording import (
@@ -131,6 +132,7 @@ def read_recordings(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
 ) -> tuple[Recording, ...]:
     """Read files or folders of recordings of human arms, filter them, and scale an arm to each.
 
@@ -155,9 +157,10 @@ def read_recordings(
         duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
-        convention, unit, rate, skeleton, up, marker_set, person, columns, fill, part: see
-            `read_recording`; each is used for the files to whose format it applies. With `fill`, a
-            table with longer gaps is a recording for each part between them, or for this part.
+        convention, unit, rate, skeleton, up, marker_set, person, columns, fill, part, degrees_in:
+            see `read_recording`; each is used for the files to whose format it applies, `rate` and
+            `degrees_in` for those that do not state theirs. With `fill`, a file with longer gaps is
+            a recording for each part between them, or for this part.
 
     Returns:
         One recording a file or part, in the order given, sorted by name within a folder. Its name
@@ -173,7 +176,7 @@ def read_recordings(
     numbers |= {"cutoff": cutoff, "duration": duration}
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
     stated |= {"up": up, "marker_set": marker_set, "person": person, "columns": columns}
-    stated |= {"fill": fill, "part": part}
+    stated |= {"fill": fill, "part": part, "degrees_in": degrees_in}
     check_arguments(side, up, numbers)
     human_arm(side)  # raises for another side, or for both
     found: list[tuple[Path, Recording]] = []
@@ -182,7 +185,8 @@ def read_recordings(
         given = that_apply(file, stated)
         for number in parts_of(file, side, given):
             try:
-                recording = read_recording(file, side, **(numbers | given | {"part": number}))
+                with unless_stated():
+                    recording = read_recording(file, side, **(numbers | given | {"part": number}))
             except (ValueError, NotConverged) as failure:
                 reasons.append(_with_name(file, str(failure)))
                 continue
@@ -199,7 +203,7 @@ def read_recordings(
 
 
 def parts_of(file: Path, side: Side, stated: Mapping[str, Any]) -> Sequence[int | None]:
-    """Return numbers of the parts of a table between gaps that are longer than `fill`.
+    """Return numbers of the parts between gaps that are longer than `fill`.
 
     (None,) of a file that is read as a whole, or that cannot be read.
 

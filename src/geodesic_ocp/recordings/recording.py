@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,7 @@ def as_recordings(given: Any) -> tuple[Recording, ...]:
 _FAR_OUTSIDE = 2.0
 _LONGEST_STEP = 1.0  # [s] between samples of a recording
 # No joint of a person, nor of an arm, is two revolutions from zero; in degrees, any motion is.
-_LARGEST_ANGLE = 4.0 * np.pi  # [rad]
+LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 
 # Joints of people reach a little beyond the model's limits; not by this much for this long.
 _OUTSIDE, _OFTEN = np.radians(10.0), 0.2  # [rad], and share of the samples
@@ -107,14 +107,32 @@ def check_plausible(model: Model, motion: Motion) -> None:
             raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
 
 
+def within_limits(model: Model, motion: Motion) -> Motion:
+    """Return the motion of the model's joints with each angle that was wrapped in the revolution in
+    which the middle of its samples is nearest to the middle of the joint's range.
+
+    A file whose angles are between -180 and 180 deg does not say in which revolution they are.
+    """
+    q = motion.q.copy()
+    for column, joint in enumerate(motion.joint_names):
+        middle = 0.5 * (model.lower[column] + model.upper[column])
+        wrapped = any(each.kind == "wrap" and each.joint == joint for each in motion.outliers)
+        if wrapped and np.isfinite(middle):
+            away = float(np.median(q[:, column])) - middle
+            q[:, column] -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))
+    return replace(motion, q=q)
+
+
 def check_radians(names: Sequence[str], q: Array) -> None:
-    """Ask whether angles q (k, n) are in degrees, if one is two revolutions from zero.
+    """Ask whether angles q (k, n), NaN in gaps, are in degrees, if one is two revolutions from
+    zero.
 
     Raises:
         ValueError: they look like degrees.
     """
-    if np.abs(q).max(initial=0.0) > _LARGEST_ANGLE:
-        worst = int(np.argmax(np.abs(q).max(axis=0)))
+    sizes = np.nan_to_num(np.abs(q))
+    if sizes.max(initial=0.0) > LARGEST_ANGLE:
+        worst = int(np.argmax(sizes.max(axis=0)))
         raise ValueError(
             f"{_question(names[worst], q[:, worst])}, and columns that are no angles are left out "
             "by joints=..."
@@ -189,11 +207,15 @@ def ask_about_degrees(name: str, q: Array) -> None:
 
     Args:
         name: name of the recording, with which the warning begins.
-        q: (k, n) numbers of the file; without any sample nothing is asked.
+        q: (k, n) numbers of the file, NaN in gaps; without any sample nothing is asked.
     """
-    if q.size and np.abs(q).max() <= 2.0 * np.pi and 0.1 < np.ptp(q, axis=0).max() <= _STILL:
+    q = q[:, ~np.isnan(q).all(axis=0)]
+    if not q.size or np.nanmax(np.abs(q)) > 2.0 * np.pi:
+        return
+    largest = float(np.max(np.nanmax(q, axis=0) - np.nanmin(q, axis=0)))
+    if 0.1 < largest <= _STILL:
         warnings.warn(
-            f"{name}: no joint moves by more than {np.ptp(q, axis=0).max():.2g} deg: are the "
+            f"{name}: no joint moves by more than {largest:.2g} deg: are the "
             "angles in radians, although the file says degrees?",
             RuntimeWarning,
             stacklevel=3,
@@ -212,6 +234,6 @@ def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
 
 def _question(joint: str, q: Array) -> str:
     return (
-        f"{joint} reaches {q[int(np.argmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are in "
-        "rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
+        f"{joint} reaches {q[int(np.nanargmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are "
+        "in rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
     )

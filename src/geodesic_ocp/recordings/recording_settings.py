@@ -28,12 +28,16 @@ class RecordingSettings:
             such as HALPE_26; default: the known set that fits.
         person: person in a file with the markers of several, by the prefix of their labels, as in
             Ann:RSHO; default: the first.
-        amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
+        sample_rate: sampling rate of files that have neither a rate nor times [Hz]; default: 120 Hz
+            of .amc files, none of others.
+        amc_rate: the same, by its former name.
+        degrees_in: whether angles in tables and .mot and .sto files that do not say their unit are
+            in degrees.
         columns: file (.csv) that says which columns of a table are which joints; its columns are
             ours, theirs, sign, unit and offset.
-        fill: longest gap of a table that is bridged [s]; of many recordings, parts between longer
-            ones are recordings of their own; default: no gap may be.
-        part: number of a part of a table between longer gaps, from 1.
+        fill: longest gap that is bridged [s]; of many recordings, parts between longer ones are
+            recordings of their own; default: no gap may be.
+        part: number of a part between longer gaps, from 1.
 
     Raises:
         ValueError: a number that is not positive, an unknown axis, or a file that does not exist.
@@ -47,13 +51,17 @@ class RecordingSettings:
     up: Axis | None = None
     marker_set: str | None = None
     person: str | None = None
+    sample_rate: float | None = None
     amc_rate: float | None = None
+    degrees_in: bool | None = None
     columns: str | None = None
     fill: float | None = None
     part: int | None = None
 
     def __post_init__(self) -> None:
-        self._check_positive(height="m", mass="kg", amc_rate="Hz", fill="s")
+        self._check_positive(height="m", mass="kg", sample_rate="Hz", amc_rate="Hz", fill="s")
+        if self.sample_rate is not None and self.amc_rate is not None:
+            raise ValueError("give only one of sample_rate and amc_rate")
         for name in ("skeleton", "columns"):
             file = getattr(self, name)
             if file is not None and not Path(file).is_file():
@@ -76,6 +84,7 @@ class RecordingSettings:
 
     def reading(self) -> dict[str, Any]:
         """Return the arguments of `read_recording` about the format of the file."""
-        others = ("height", "mass", "amc_rate")
+        others = ("height", "mass", "sample_rate", "amc_rate")
         names = (each.name for each in fields(RecordingSettings) if each.name not in others)
-        return {name: getattr(self, name) for name in names} | {"rate": self.amc_rate}
+        rate = self.sample_rate or self.amc_rate
+        return {name: getattr(self, name) for name in names} | {"rate": rate}

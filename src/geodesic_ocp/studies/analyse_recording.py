@@ -10,7 +10,7 @@ import threading
 import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +22,7 @@ from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.anthropometry import Sides
 from geodesic_ocp.progress import Progress
+from geodesic_ocp.recordings.formats.text_lines import unless_stated
 from geodesic_ocp.recordings.read_recording import read_recording, that_apply
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import replacing, write_file
@@ -77,7 +78,8 @@ def read_by_settings(
     """Read a recording as the settings say, with a height [m] and mass [kg] of the person.
 
     One of many may have another format than those to which convention, skeleton, unit, rate and up
-    apply, which are then left out. A part of it takes the place of that of the settings.
+    apply, which are then left out, or may state what others do not. A part of it takes the place of
+    that of the settings.
 
     Raises:
         RecordingError, ValueError, ImportError: as `read_recording`.
@@ -86,18 +88,19 @@ def read_by_settings(
     stated["part"] = part or stated["part"]
     if one_of_many:
         stated = that_apply(path, stated)
-    return read_recording(
-        path,
-        side,
-        height=height,
-        mass=mass,
-        armature=settings.armature or 0.0,
-        resample=settings.resample,
-        cutoff=settings.cutoff,
-        duration=settings.savitzky_golay,
-        unfiltered=not settings.filter,
-        **stated,
-    )
+    with unless_stated() if one_of_many else nullcontext():
+        return read_recording(
+            path,
+            side,
+            height=height,
+            mass=mass,
+            armature=settings.armature or 0.0,
+            resample=settings.resample,
+            cutoff=settings.cutoff,
+            duration=settings.savitzky_golay,
+            unfiltered=not settings.filter,
+            **stated,
+        )
 
 
 def analyse_recording(

@@ -14,11 +14,13 @@ import numpy as np
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import as_stature
 from geodesic_ocp.recordings.read_recording import stature_of
 from geodesic_ocp.recordings.read_recordings import recording_files
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.study_tables import Row, entry_of_file, read_file_table
+from geodesic_ocp.trajectory.motion import Subject
 
 _FIELD = re.compile(r"\{(\w*)\}|(\*)")
 
@@ -89,6 +91,7 @@ def _entry(row: Mapping[str, str]) -> SubjectEntry:
             numbers[name] = as_positive(name, float(text)) if (text := row.get(name)) else None
         except ValueError as failure:
             raise ValueError(f"{name}: {failure}") from None
+    as_stature(*stature_of(Subject(), **numbers))
     return SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
 
 

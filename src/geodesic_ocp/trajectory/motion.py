@@ -262,7 +262,8 @@ class Motion:
         through its neighbours, and 0.08 rad or more. It is replaced by interpolation, as are up to
         three frames that repeat the one before in all joints and are then caught up with. Steps by
         whole revolutions are undone. A sensor that stands still while other joints move is named,
-        but its samples are kept.
+        but its samples are kept, and so is a gap: a number, such as zero, to which joints jump and
+        back.
 
         >>> import warnings
         >>> time = np.arange(200) / 100.0

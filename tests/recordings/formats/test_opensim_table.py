@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
 from geodesic_ocp.recordings.formats.opensim import read_opensim
+from geodesic_ocp.recordings.formats.opensim_table import is_translation, read_coordinates
 
 TABS = """Coordinates
 version=1
@@ -84,7 +84,8 @@ def test_another_number_of_rows_is_not_silent(tmp_path: Path) -> None:
         ("elbow\t", "\t", "line 10: column 2 has no name"),
         ("180\t", "", "line 12 has 2 entries, the names of columns 3"),
         ("180", "x", "line 12: elbow is not a number: 'x'"),
-        ("180", "nan", "line 12: elbow is nan"),
+        ("180", "nan", r"elbow is missing at 0\.100 s; in all 1 of 2 samples .*--fill 0\.1"),
+        ("180", "inf", "line 12: elbow is inf"),
         ("0.1\t", "0.0\t", "time must increase: sample 1"),
         ("0.1\t180\t0.6\n", "", "at least two samples"),
         (TABS[TABS.index("time") :], "", "no line with the names of columns"),

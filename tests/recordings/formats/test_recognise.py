@@ -86,12 +86,15 @@ def test_other_files_are_refused_with_what_they_look_like(
 def test_arguments_of_other_formats_are_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(small_recordings()["table.csv"])
     for argument, formats in {
-        "rate": "ASF/AMC",
         "unit": "ASF/AMC and BVH",
         "skeleton": "ASF/AMC",
         "convention": "ASF/AMC and BVH and OpenSim",
     }.items():
         with pytest.raises(ValueError, match=f"{argument} is for {formats}.*file is a table"):
+            read_motion(tmp_path / "file", **{argument: 1.0})
+    (tmp_path / "file").write_bytes(small_recordings()["motion.bvh"])
+    for argument, formats in {"rate": "ASF/AMC and OpenSim", "degrees_in": "OpenSim"}.items():
+        with pytest.raises(ValueError, match=f"{argument} is for {formats}.*file is BVH"):
             read_motion(tmp_path / "file", **{argument: 1.0})
 
 

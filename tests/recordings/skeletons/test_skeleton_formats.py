@@ -274,6 +274,9 @@ def test_mvnx_returns_the_angles_and_the_trunk(rest: str, heading: float, tmp_pa
     file.write_text(still + moving + re.sub("<position>.*?</position>", "", frames))
     check_same(read_mvnx(file), motion, written)
     assert read_mvnx(file).trunk is None
+    file.write_text(re.sub("<joints>.*</joints>", "", still + moving + frames, flags=re.DOTALL))
+    check_same(read_mvnx(file), motion, written)  # by MVN's names of segments
+    check_trunk(read_mvnx(file), motion)
 
 
 @pytest.mark.parametrize(
@@ -302,6 +305,21 @@ def test_mvnx_returns_the_angles_and_the_trunk(rest: str, heading: float, tmp_pa
             "frame 0 has no position, others",
         ),
         ("T8", "T7", "no known convention names the segments"),
+        (
+            "orientation>",
+            "sensorOrientation>",
+            "only sensorOrientation, position: export MVNX with",
+        ),
+        (
+            '(?s)"L3" (.*)"T8" (.*)<joints>.*</joints>',
+            r'"T8" \1"L3" \2',
+            "no <joint> in <joints>, and the segment T8 does not come after L3, as in MVN's list",
+        ),
+        (
+            "(?s)<segments>.*</joints>",
+            "<segments>" + "".join(f'<segment label="{k}"/>' for k in range(13)) + "</segments>",
+            "the segments are not MVN's but 0, 1, .*: export MVNX with the joints",
+        ),
     ],
 )
 def test_bad_mvnx(old: str, new: str, message: str, tmp_path: Path) -> None:

@@ -1,33 +1,37 @@
 """Tables of joint angles (CSV): columns of other names, and samples that are missing.
 
 A table may name its columns as it likes, if `columns` says which joint each one is, with its sign,
-unit and offset. Where cells are empty or nan, short gaps are bridged on request, and long ones
-divide the recording into parts.
+unit and offset. Cells may be empty or nan, see `Series`.
 """
 
 from __future__ import annotations
 
 import csv
-import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
-from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.arrays import as_number
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.delimited import Table, read_csv
-from geodesic_ocp.recordings.formats.text_lines import ANGLES, named_failures, read_lines
+from geodesic_ocp.recordings.formats.series import Series
+from geodesic_ocp.recordings.formats.text_lines import (
+    ANGLES,
+    named_failures,
+    numbers,
+    rate_of,
+    read_lines,
+    stated,
+    stated_rate,
+)
 from geodesic_ocp.recordings.recording import ask_about_degrees
 from geodesic_ocp.records import write_file
 from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import Motion
-
-_SHORTEST = 0.5  # [s] of a part between gaps
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,7 @@ def _from_file(file: Path) -> dict[str, Column]:
                 raise RecordingError(f"row {number} must name a joint of its own and a column")
             for key in ("sign", "offset"):
                 if key in given:
-                    given[key] = float(given[key])
+                    (given[key],) = numbers(None, f"row {number}: {key}", [given[key]], 1)
             found[joint] = Column(**given)
         if not found:
             raise RecordingError("names no joint")
@@ -120,6 +124,8 @@ def read_table(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    degrees_in: bool | None = None,
+    rate: float | None = None,
 ) -> Motion:
     """Read the motion of these joints, or of all, from a table of joint angles.
 
@@ -128,9 +134,11 @@ def read_table(
         columns: see `as_columns`.
         fill: longest gap [s] that is bridged by interpolation; None: none may be.
         part: number, from 1, of the part between longer gaps.
+        degrees_in: whether angles are in degrees, if neither a note nor the columns say it.
+        rate: rate [Hz] of a table without a column of time.
 
     Raises:
-        Gaps: cells are empty or nan, beyond those that are bridged.
+        Gaps: samples are missing, beyond those that are bridged.
         RecordingError: no unit or header, a missing joint, a row of the wrong length, or an entry
             that is not a number; the message names the line.
     """
@@ -138,17 +146,23 @@ def read_table(
         chosen = None if columns is None else as_columns(columns)
         of_time = None if chosen is None else chosen.pop("time", None)
         named = None if of_time is None else of_time.name
-        table = read_csv(file, ANGLES, ("rad", "deg"), named)
-        time, values, wanted = _angles(file, table, joints, chosen)
+        table = read_csv(file, ANGLES, ("rad", "deg"), time=named, rate=rate)
+        own = None if table.scale is None else table.scale != 1.0
+        degrees = stated(file, "# unit: deg (degrees_in)", own=own, given=degrees_in)
+        if degrees is not None:
+            table = replace(table, scale=ANGLES["deg" if degrees else "rad"])
+        series = _angles(file, table, joints, chosen)
         table.say_assumed(file)
-        time, values = complete(file, time, values, wanted, fill, part)
-        return Motion(time, values, tuple(wanted), subject=table.subject)
+        if table.time is not None:
+            stated_rate(file, rate_of(series.time), rate)
+        motion = series.motion(file, series.joint_names, fill=fill, part=part)
+        return replace(motion, subject=table.subject)
 
 
 def _angles(
     file: Path, table: Table, joints: Sequence[str] | None, columns: dict[str, Column] | None
-) -> tuple[Array, Array, list[str]]:
-    """Return times [s], angles [rad] with NaN where they are missing, and the joints."""
+) -> Series:
+    """Return the angles [rad] of the joints."""
     rows, others = table.rows, table.others
     if columns is None:
         names = {_bare(name): name for name in others}
@@ -159,7 +173,7 @@ def _angles(
         absent = "there is no joint {}; there are {}"
     else:
         absent = "there is no column {}; there are {}"
-        wanted = _wanted(columns, joints)
+        wanted = wanted_of(columns, joints)
     chosen = [columns[joint] for joint in wanted]
     if missing := [each.name for each in chosen if each.name not in others]:
         raise RecordingError(absent.format(", ".join(missing), ", ".join(others)))
@@ -168,17 +182,17 @@ def _angles(
     own = [each.name for each in chosen if each.unit is None]
     scales = dict(zip(own, table.scales_of(own), strict=True))
     factors = np.array([each.radians(scales.get(each.name, 1.0)) for each in chosen])
-    if np.all(factors != 1.0) and raw.size and not np.isnan(raw).any():
+    if np.all(factors != 1.0):
         ask_about_degrees(str(file), raw)
     signs, offsets = (np.array([getattr(c, k) for c in chosen]) for k in ("sign", "offset"))
-    return table.times(), factors * (signs * raw + offsets), wanted
+    return Series(table.times(), factors * (signs * raw + offsets), tuple(wanted))
 
 
 def _bare(name: str) -> str:
     return name.lower().removesuffix("_joint")
 
 
-def _wanted(columns: Mapping[str, Column], joints: Sequence[str] | None) -> list[str]:
+def wanted_of(columns: Mapping[str, Column], joints: Sequence[str] | None) -> list[str]:
     """Return the joints that are read; RecordingError if there is no column of one."""
     wanted = list(columns) if joints is None else list(joints)
     if unknown := [joint for joint in wanted if joint not in columns]:
@@ -186,72 +200,10 @@ def _wanted(columns: Mapping[str, Column], joints: Sequence[str] | None) -> list
     return wanted
 
 
-class Gaps(RecordingError):
-    """Samples of a recording are missing; `parts` has start and end [s] of the parts between."""
-
-    def __init__(self, message: str, parts: Sequence[tuple[float, float]] = ()) -> None:
-        super().__init__(message)
-        self.parts = tuple(parts)
-
-
-def complete(
-    file: Path, time: Array, q: Array, joints: Sequence[str], fill: float | None, part: int | None
-) -> tuple[Array, Array]:
-    """Return the samples of a part, or of all, with short gaps bridged.
-
-    Raises:
-        Gaps: there are longer ones, and no part is asked for.
-        ValueError: there is no such part.
-    """
-    missing = np.isnan(q)
-    if not missing.any() and part in (None, 1):
-        return time, q
-    q, filled = q.copy(), np.zeros(0, dtype=int)
-    for column in range(q.shape[1]):
-        known = np.flatnonzero(~missing[:, column])
-        gaps = np.flatnonzero(np.diff(known) > 1)
-        if fill is not None and known.size > 1 and gaps.size:
-            short = np.diff(time[known])[gaps] <= fill * (1.0 + 1e-9)
-            curve = scipy.interpolate.Akima1DInterpolator(
-                time[known], q[known, column], method="makima"
-            )
-            for gap in gaps[short]:
-                inside = np.arange(known[gap] + 1, known[gap + 1])
-                q[inside, column] = curve(time[inside])
-            filled = np.append(filled, known[gaps[short]])
-    gone = np.isnan(q)
-    rows = np.flatnonzero(~gone.any(axis=1))
-    runs = [each for each in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if each.size]
-    parts = [each for each in runs if time[each[-1]] - time[each[0]] >= _SHORTEST]
-    spans = [(float(time[each[0]]), float(time[each[-1]])) for each in parts]
-    whole = len(runs) == 1 and len(parts) == 1 and fill is not None  # ends alone may be missing
-    if part is None and gone.any() and not whole:
-        row, column = np.argwhere(gone)[0]
-        between = ", ".join(f"{start:.2f} to {end:.2f} s" for start, end in spans)
-        lacking = int(gone.any(axis=1).sum())
-        raise Gaps(
-            f"{file}: {joints[column]} is missing at {time[row]:.3f} s; in all {lacking} of "
-            f"{len(time)} samples lack a joint. fill=0.1 (--fill 0.1) bridges gaps of up to "
-            f"0.1 s; part=1 (--part 1), ... reads the parts apart that are whole for "
-            f"{_SHORTEST:g} s or more: {between or 'there is none'}",
-            spans,
-        )
-    if part is not None and not 1 <= part <= len(parts):
-        raise ValueError(f"part must be a number from 1 to {len(parts)}, got {part}")
-    kept = np.arange(len(time)) if not gone.any() and part is None else parts[(part or 1) - 1]
-    bridged = int(np.isin(filled, kept).sum())
-    done = [f"{bridged} gap{'s'[: bridged - 1]} of up to {fill:g} s bridged"] if bridged else []
-    if kept.size < len(time):
-        done.append(f"the part from {time[kept[0]]:.2f} to {time[kept[-1]]:.2f} s alone")
-    if done:
-        warnings.warn(f"{file}: read with {' and '.join(done)}", RuntimeWarning, stacklevel=4)
-    return time[kept], q[kept]
-
-
 def mapped(motion: Motion, columns: Any, joints: Sequence[str] | None) -> Motion:
     """Return a motion [rad] with the joints that columns of other names are."""
     known = as_columns(columns)
-    wanted = _wanted(known, joints)
+    wanted = wanted_of(known, joints)
     chosen = [known[joint] for joint in wanted]
     raw = motion.select([each.name for each in chosen])
     signs, offsets = (np.array([getattr(c, k) for c in chosen]) for k in ("sign", "offset"))

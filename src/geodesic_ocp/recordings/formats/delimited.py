@@ -1,4 +1,4 @@
-"""Delimited tables of recordings: notes and header of CSV, markers, TRC, OpenSim's .mot and .sto.
+"""Delimited tables of recordings: notes and header of CSV, markers, TRC.
 
 A table of joint angles or of markers (CSV) begins with notes, of which `unit` (rad or deg, or m, cm
 or mm) is required unless the columns state theirs, while `height` [m], `mass` [kg] and `subject`
@@ -13,14 +13,11 @@ Columns may also be separated by semicolons or tabs, with decimal commas, and `T
 
 A TRC file, of Motion Analysis, begins with five lines: line 2 names the entries of line 3, among
 them Units; line 4 names the markers after Frame# and Time, one in three columns; line 5 names the
-coordinates X1, Y1, Z1. A marker is missing where its three cells are empty or nan, in TRC also
-where they are exactly zero.
-
-OpenSim's tables have a header of lines key=value that ends with endheader, then the names of the
-columns. `inDegrees` is about rotations; translations are in metres. In the state files of OpenSim
-4, of the columns /jointset/shoulder/elv_angle/value and .../speed the first is the coordinate
-elv_angle and the second is not read. Counts in the headers of TRC and OpenSim, which programs that
-edit such files often leave as they were, are compared with a warning. Time is in seconds.
+coordinates X1, Y1, Z1. Cells are separated by tabs, commas or white space; names that are not three
+columns apart are in the order of the columns, before which one may be blank. A marker is missing
+where its three cells are empty or nan, in TRC also where they are exactly zero. Counts in
+the header, which programs that edit such files often leave as they were, are compared with a
+warning. Time is in seconds.
 """
 
 from __future__ import annotations
@@ -29,7 +26,7 @@ import csv
 import math
 import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,11 +40,11 @@ from geodesic_ocp.recordings.formats.text_lines import (
     name_and_unit,
     named_failures,
     read_lines,
+    times_at,
 )
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.people import distinct_labels
-from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.trajectory.motion import Motion, Subject
+from geodesic_ocp.trajectory.motion import Subject
 
 _MISSING = ("", "nan", "-nan")
 
@@ -167,8 +164,9 @@ class Table:
     scales: dict[str, float]
     scale: float | None  # those in the unit of the note; None without it
     examples: tuple[str, str]  # units that messages name
-    time: str  # name of the column of time
+    time: str | None  # name of the column of time
     seconds: float  # seconds in its unit
+    rate: float | None  # [Hz], given for a table without time
     subject: Subject  # the person
     assumed: list[str]  # what the file does not say outright, for a warning
 
@@ -179,6 +177,8 @@ class Table:
 
     def times(self) -> Array:
         """Return the times (k,) [s]."""
+        if self.time is None:
+            return times_at(len(self.rows.cells), self.rate or math.nan)
         return self.seconds * self.rows.columns([self.time])[:, 0]
 
     def scales_of(self, names: Sequence[str]) -> Array:
@@ -197,15 +197,23 @@ _SECONDS = {**dict.fromkeys(("s", "sec", "seconds"), 1.0), "ms": 1e-3, "millisec
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 
 
+_OPTION = ", or its unit is given: degrees_in=True (--degrees-in) or False (--no-degrees-in)"
+
+
 def _no_unit(examples: tuple[str, str], unit: str = "") -> RecordingError:
     return RecordingError(
         f"a line '# unit: {examples[0]}' or '# unit: {examples[1]}' must precede the header"
         + (f", not {unit[:40]!r}" if unit else "")
+        + (_OPTION if "rad" in examples else "")
     )
 
 
 def read_csv(
-    file: Path, units: Mapping[str, float], examples: tuple[str, str], time: str | None = None
+    file: Path,
+    units: Mapping[str, float],
+    examples: tuple[str, str],
+    time: str | None = None,
+    rate: float | None = None,
 ) -> Table:
     """Return a table with notes, in a known separation of columns.
 
@@ -213,6 +221,7 @@ def read_csv(
         units: radians or metres by the name of a unit.
         examples: units that messages name.
         time: name of the column of time; by default it is found.
+        rate: rate [Hz] of a table without a column of time.
 
     Raises:
         RecordingError: no header, an unknown unit, notes that contradict each other or are not
@@ -238,16 +247,17 @@ def read_csv(
     cells = split_line(lines[first], separator)
     wanted = "time" if time is None else time
     times = [cell for cell in cells if cell == wanted] or [cell for cell in cells if is_time(cell)]
-    if not times or len(cells) < 2:
+    if not (times or (rate and time is None)) or len(cells) < 1 + len(times[:1]):
         raise RecordingError(
             f"line {first + 1} must be a header with {wanted!r} and names of columns, "
-            f"is {lines[first][:60]!r}"
+            f"is {lines[first][:60]!r}; the rate of a table without time is given by rate "
+            "(--sample-rate)"
         )
     assumed = [] if separator == "," else [f"{_SEPARATORS[separator]} between the columns"]
     names, scales, seconds = [], {}, 1.0
     for cell in cells:
         name, own = name_and_unit(cell)
-        if cell == times[0]:
+        if cell in times[:1]:
             if own and own not in _SECONDS:
                 raise RecordingError(f"line {first + 1}: time must be in s or ms, not {own!r}")
             seconds = _SECONDS.get(own, 1.0)
@@ -255,7 +265,7 @@ def read_csv(
                 assumed.append(f"{cell!r} as the time in {own or 's'}")
         elif own in units:
             scales[name] = units[own]
-        names.append(name if cell == times[0] or own in units else cell)
+        names.append(name if cell in times[:1] or own in units else cell)
     check_names("the header", names)
     height, mass = (_positive_number(notes, key) for key in ("height", "mass"))
     other = separator != ","
@@ -267,8 +277,8 @@ def read_csv(
         rows = Rows(rows.names, points, rows.lines)
     subject = Subject(height, mass, notes.get("subject", ""))
     scale = units[unit.lower()] if unit else None
-    at = names[cells.index(times[0])]
-    return Table(rows, scales, scale, examples, at, seconds, subject, assumed)
+    at = names[cells.index(times[0])] if times else None
+    return Table(rows, scales, scale, examples, at, seconds, rate, subject, assumed)
 
 
 def _has_decimal_commas(rows: Rows) -> bool:
@@ -320,8 +330,12 @@ def read_trc(file: Path) -> Markers:
         lines = "\n".join(read_lines(file)).splitlines()
         if len(lines) < 5:
             raise RecordingError(f"is cut off after {len(lines)} lines, within the header")
-        keys, values, cells = (split_line(line, _trc_separator(line)) for line in lines[1:4])
+        # Programs write several tabs, or commas, between the entries of lines 2 and 3.
+        keys, values = (
+            re.split(r"\s+" if "\t" in line else r"[\s,]+", line.strip()) for line in lines[1:3]
+        )
         header = dict(zip(keys, values, strict=False))
+        cells = _trc_cells(lines[3])
         unit = header.get("Units", "")
         if unit.lower() not in LENGTHS:
             raise RecordingError(f"line 3 must give Units m, cm or mm, not {unit[:40]!r}")
@@ -334,18 +348,20 @@ def read_trc(file: Path) -> Markers:
         if not named:
             raise RecordingError("line 4 names no markers")
         names = distinct_labels(file, names)
-        apart = all((index - 2) % 3 == 0 for index, _ in named) and len(cells) > len(names) + 2
-        if not apart and any(index != place for place, (index, _) in enumerate(named, start=2)):
-            raise RecordingError("line 4: the names of markers must be three columns apart")
-        starts = [index if apart else 2 + 3 * place for place, (index, _) in enumerate(named)]
-        columns = ["frame", "the time", *(max(starts) + 1) * [""]]
-        for name, index in zip(names, starts, strict=True):
-            columns[index : index + 3] = 3 * [name]
         first = 4
         while first < len(lines) and _is_axes(lines[first]):
             first += 1
+        axes = [cell for line in lines[4:first] for cell in _trc_cells(line) if cell]
+        starts = _starts([index for index, _ in named], len(cells), len(axes))
+        columns = ["frame", "the time", *(max(starts) + 1) * [""]]
+        for name, index in zip(names, starts, strict=True):
+            columns[index : index + 3] = 3 * [name]
         expected = f"{{}} are needed for frame, time and {len(names)} markers"
         separator = _trc_separator(lines[first]) if first < len(lines) else None
+        row = split_line(lines[first].rstrip(), separator) if first < len(lines) else []
+        if len(row) > len(columns) and not row[2] and row[-1]:  # a blank column before the markers
+            columns.insert(2, "")
+            starts = [index + 1 for index in starts]
         rows = read_rows(lines, first, columns, separator, expected)
         compare_count(file, header, "NumFrames", "frames", len(rows.cells))
         compare_count(file, header, "NumMarkers", "markers", len(names))
@@ -367,94 +383,33 @@ def check_whole(rows: Rows, names: Sequence[str], positions: Array) -> None:
         )
 
 
+def _starts(named: Sequence[int], count: int, axes: int) -> list[int]:
+    """Return the first column of every marker: names are three columns apart, where some may be
+    empty, or else those of all markers.
+
+    Args:
+        named: indices of the cells with names in line 4.
+        count: number of its cells.
+        axes: number of the coordinates X1, Y1, Z1, ... in line 5; 0 without it.
+    """
+    if all((index - 2) % 3 == 0 for index in named) and count > len(named) + 2:
+        return list(named)
+    if axes and axes != 3 * len(named):
+        raise RecordingError(
+            f"line 4 names {len(named)} markers, which must be three columns apart, but line 5 has "
+            f"{axes} coordinates"
+        )
+    return [2 + 3 * place for place in range(len(named))]
+
+
 def _trc_separator(line: str) -> str | None:
-    return "\t" if "\t" in line else None
+    return next((each for each in "\t," if each in line), None)
+
+
+def _trc_cells(line: str) -> list[str]:
+    return split_line(line, _trc_separator(line))
 
 
 def _is_axes(line: str) -> bool:
     """Return whether this is the line X1, Y1, Z1, ..., or an empty one."""
-    return all(re.fullmatch(r"[XYZ]\d+", cell) for cell in line.split())
-
-
-_TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
-_STATE = re.compile(r"/jointset/[^/]+/(?P<coordinate>[^/]+)/(?P<kind>value|speed)$")
-
-
-def is_translation(name: str) -> bool:
-    """Return whether a coordinate of this name is a length, such as pelvis_tx or box_transX."""
-    return _TRANSLATION.search(name) is not None
-
-
-def read_coordinates(file: Path, translations: Iterable[str] = ()) -> Motion:
-    """Read all coordinates of a .mot or .sto file.
-
-    A header whose nRows or nColumns is not what follows gives a RuntimeWarning.
-
-    Args:
-        translations: names of coordinates in metres, beside those that `is_translation` knows.
-
-    Raises:
-        RecordingError: no header, no unit of the angles, a broken row, or angles that should be in
-            radians look like degrees; names the line.
-    """
-    with named_failures(file):
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-        header, first = _opensim_header(lines)
-        factor = _radians(header)
-        while first < len(lines) and not lines[first].strip(" ,\t"):
-            first += 1
-        if first == len(lines):
-            raise RecordingError("no line with the names of columns follows endheader")
-        separator = next((each for each in "\t," if each in lines[first]), None)
-        labels = split_line(lines[first].rstrip(" ,\t"), separator)
-        if labels[0].lower() != "time" or len(labels) < 2:
-            raise RecordingError(
-                f"line {first + 1} must name the columns, time first, is {lines[first][:60]!r}"
-            )
-        if not all(labels):
-            raise RecordingError(f"line {first + 1}: column {labels.index('') + 1} has no name")
-        states = [_STATE.search(label) for label in labels]
-        is_coordinate = [state is None or state["kind"] == "value" for state in states]
-        if any(states):  # a file of states also has muscles' states, which are no coordinates
-            is_coordinate = [state is not None and state["kind"] == "value" for state in states]
-        kept = [k for k, each in enumerate(is_coordinate) if k and each]
-        names = [labels[k] if (state := states[k]) is None else state["coordinate"] for k in kept]
-        check_names(f"line {first + 1}", names)
-        rows = read_rows(lines, first + 1, labels, separator, "the names of columns {}")
-        compare_count(file, header, "nrows", "rows", len(rows.cells))
-        compare_count(file, header, "ncolumns", "columns", len(labels))
-        values = rows.at(range(len(labels)))
-        q = values[:, kept].reshape(len(values), len(names))
-        angles = [
-            k for k, each in enumerate(names) if not (is_translation(each) or each in translations)
-        ]
-        if factor == 1.0:
-            check_radians([names[k] for k in angles], q[:, angles])
-        else:
-            ask_about_degrees(str(file), q[:, angles])
-        q[:, angles] *= factor
-        return Motion(values[:, 0], q, tuple(names))
-
-
-def _opensim_header(lines: Sequence[str]) -> tuple[dict[str, str], int]:
-    """Return keys (in lower case) and values before endheader, and the index after it."""
-    header: dict[str, str] = {}
-    for number, line in enumerate(lines):
-        text = line.strip(" ,\t")
-        if text.lower() == "endheader":
-            return header, number + 1
-        key, equals, value = text.partition("=")
-        if equals:
-            header[key.strip().lower()] = value.strip()
-    raise RecordingError("no line 'endheader' ends the header")
-
-
-def _radians(header: Mapping[str, str]) -> float:
-    kind = header.get("datatype", "double").lower()
-    if kind != "double":
-        raise RecordingError(f"its DataType is {kind}; joint coordinates are of type double")
-    degrees = header.get("indegrees", "").lower()
-    if degrees not in ("yes", "no"):
-        given = f", not 'inDegrees={degrees}'" if degrees else ""
-        raise RecordingError(f"its header must have inDegrees=yes or inDegrees=no{given}")
-    return np.pi / 180.0 if degrees == "yes" else 1.0
+    return all(re.fullmatch(r"[XYZ]\d+|", cell) for cell in _trc_cells(line))

@@ -37,7 +37,6 @@ from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
-from geodesic_ocp.recordings.formats.angle_tables import as_columns, complete
 from geodesic_ocp.recordings.formats.delimited import (
     Rows,
     check_names,
@@ -47,12 +46,16 @@ from geodesic_ocp.recordings.formats.delimited import (
     split_line,
 )
 from geodesic_ocp.recordings.formats.opensim import motion_of_columns
+from geodesic_ocp.recordings.formats.series import Series
 from geodesic_ocp.recordings.formats.text_lines import (
     ANGLES,
     LENGTHS,
     named_failures,
     numbers,
+    rate_of,
     read_lines,
+    stated_rate,
+    times_at,
 )
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
@@ -184,9 +187,9 @@ def read_qualisys(file: Path) -> Markers:
         if row[:1] == ["Frame"] or (not titled and len(row) >= len(columns) + 2):
             columns = ["Frame", "Time", *columns]
         rows = _rows(lines, first + titled, columns, "\t")
-        stated = {key: values[0] for key, values in header.items() if values}
-        compare_count(file, stated, "NO_OF_FRAMES", "frames", len(rows.cells))
-        compare_count(file, stated, "NO_OF_MARKERS", "markers", len(names))
+        counts = {key: values[0] for key, values in header.items() if values}
+        compare_count(file, counts, "NO_OF_FRAMES", "frames", len(rows.cells))
+        compare_count(file, counts, "NO_OF_MARKERS", "markers", len(names))
         time = _time(np.arange(len(rows.cells), dtype=float), rate)
         if columns[0] == "Frame":
             time = rows.at([1])[:, 0]
@@ -253,20 +256,27 @@ def motion_bids_kind(file: Path) -> str:
     return "bids angles" if "JNTANG" in types else "bids markers"
 
 
-def _bids(file: Path, kind: str) -> tuple[list[dict[str, str]], Rows, list[int], Array]:
+def _bids(
+    file: Path, kind: str, rate: float | None = None
+) -> tuple[list[dict[str, str]], Rows, list[int], Array]:
     """Return all channels, the rows, the indices of the channels of a kind, and the time."""
     channels = _channels(file)
     rows = _rows(read_lines(file), 0, [each["name"] for each in channels], "\t")
     types = [each["type"].upper() for each in channels]
     if "LATENCY" in types:
         time = rows.at([types.index("LATENCY")])[:, 0]
+        stated_rate(file, rate_of(time), rate)
     else:
-        stated = (read_structured(each, "description") for each in _beside(file, "_motion.json"))
-        rates = [each[_RATE] for each in stated if isinstance(each, dict) and _RATE in each]
-        if not rates:
+        beside = (read_structured(each, "description") for each in _beside(file, "_motion.json"))
+        rates = [each[_RATE] for each in beside if isinstance(each, dict) and _RATE in each]
+        own = as_positive("the rate of frames", rates[0], "Hz") if rates else None
+        used = stated_rate(file, own, rate)
+        if used is None:
             wanted = file.name.replace(".tsv", ".json")
-            raise RecordingError(f"no {wanted} beside it or above gives {_RATE}")
-        time = _time(np.arange(len(rows.cells), dtype=float), rates[0])
+            raise RecordingError(
+                f"no {wanted} beside it or above gives {_RATE}, nor does rate (--sample-rate)"
+            )
+        time = times_at(len(rows.cells), used)
     return channels, rows, [k for k, each in enumerate(types) if each == kind], time
 
 
@@ -316,13 +326,15 @@ def read_motion_bids_angles(
     columns: Any = None,
     fill: float | None = None,
     part: int | None = None,
+    rate: float | None = None,
 ) -> Motion:
     """Read the channels of type JNTANG in Motion-BIDS by their names.
 
     Args:
         file: sub-..._motion.tsv.
         joints, convention, columns: see `read_opensim`.
-        fill, part: what becomes of gaps, see `read_table`.
+        fill, part: what becomes of gaps, see `Series.motion`.
+        rate: rate [Hz], if no file beside the recording says it.
 
     Raises:
         Gaps: samples are missing, beyond those that are bridged.
@@ -330,18 +342,14 @@ def read_motion_bids_angles(
             length or an entry that is not a number, or the channels do not give the joints.
     """
     with named_failures(file):
-        channels, rows, kept, time = _bids(file, "JNTANG")
+        channels, rows, kept, time = _bids(file, "JNTANG", rate)
         names = [channels[index]["name"] for index in kept]
         check_names("the table of channels", names)
-        chosen = None if columns is None else as_columns(columns)
-        needed = joints or () if chosen is None else [each.name for each in chosen.values()]
-        if needed and set(needed) <= set(names):  # gaps of others do not matter
-            kept = [kept[names.index(name)] for name in dict.fromkeys(needed)]
-            names = list(dict.fromkeys(needed))
         scales = np.array([_scale(channels[index], ANGLES) for index in kept])
-        time, q = complete(file, time, scales * rows.at(kept, missing=True), names, fill, part)
-        ask_about_degrees(str(file), (q / scales)[:, scales != 1.0])
-        check_radians(names, np.where(scales == 1.0, q, 0.0))
-        table = Motion(time, q, tuple(names))
-        motion = motion_of_columns(file, lambda _: table, joints, convention, chosen)
+        table = Series(time, scales * rows.at(kept, missing=True), tuple(names))
+        ask_about_degrees(str(file), (table.q / scales)[:, scales != 1.0])
+        check_radians(names, np.where(scales == 1.0, table.known, 0.0))
+        motion = motion_of_columns(
+            file, lambda _: table, joints, convention, columns, fill=fill, part=part
+        )
         return replace(motion, subject=_person(file))

@@ -2,7 +2,8 @@
 
 The frames of type "normal" are the motion: for every segment a unit quaternion (w, x, y, z), which
 turns its axes into those of the space, and the position of its origin, the joint before it
-[m]; without positions there is no pose of the trunk. The T pose, from which orientations are
+[m]; without positions there is no pose of the trunk. Joints say how segments are connected; files
+without them are read by MVN's names of segments. The T pose, from which orientations are
 counted, is the frame of type "identity" or "tpose". Joint angles, sensors, fingers and props are
 not read.
 """
@@ -29,11 +30,28 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     skeleton_segments,
 )
 from geodesic_ocp.recordings.formats.mmm import Texts, xml_root
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.recordings.formats.text_lines import (
+    SAME_RATE,
+    named_failures,
+    rate_of,
+    stated_rate,
+    times_at,
+)
 from geodesic_ocp.trajectory.motion import Subject
 
 _REST = ("identity", "tpose")
-_LATE, _SAME_RATE = 0.01, 0.01  # [s], and part, by which two times of a frame may differ
+# Segments of MVN, and those before each from the nearest to the pelvis (Xsens MVN user manual).
+_SPINE = ("T8", "T12", "L3", "L5", "Pelvis")
+_LIMBS = (
+    ("Head", "Neck", *_SPINE),
+    *(
+        (f"{s}Hand", f"{s}ForeArm", f"{s}UpperArm", f"{s}Shoulder", *_SPINE)
+        for s in ("Right", "Left")
+    ),
+    *((f"{s}Toe", f"{s}Foot", f"{s}LowerLeg", f"{s}UpperLeg", "Pelvis") for s in ("Right", "Left")),
+)
+_BEFORE = {name: limb[k + 1 :] for limb in _LIMBS for k, name in enumerate(limb)}
+_LATE = 0.01  # [s] by which two times of a frame may differ, beside a part of them
 _UNIT = 0.01  # by which the length of a quaternion may differ from one
 _FARTHEST = 1e5  # [m]
 # Directions of bones of so many metres by positions and by orientations, and how far they differ.
@@ -41,12 +59,15 @@ _LONG, _APART = 0.15, 10.0  # [m], [deg]
 
 
 def read_mvnx(
-    file: Path, convention: SkeletonConvention | str | Path | None = None
+    file: Path,
+    convention: SkeletonConvention | str | Path | None = None,
+    rate: float | None = None,
 ) -> SegmentOrientations:
     """Read the orientations of segments and the pose of the trunk of the person in an MVNX file.
 
     Args:
         convention: another one than that of MVN's names of segments.
+        rate: rate of the frames [Hz], if the file has neither times nor frameRate.
 
     Raises:
         RecordingError: the XML is broken or has not one person, a frame lacks numbers, there is no
@@ -63,7 +84,9 @@ def read_mvnx(
         subject = subjects[0]
         names = [each.get("label", "") for each in subject.findall("{*}segments/{*}segment")]
         if not names:
-            raise RecordingError("there is no <segment> in <segments>")
+            raise RecordingError(
+                "there is no <segment> in <segments>: export MVNX with the body segments"
+            )
         frames = subject.findall("{*}frames/{*}frame")
         kinds = [frame.get("type", "normal") for frame in frames]
         rest = next((frames[kinds.index(kind)] for kind in _REST if kind in kinds), None)
@@ -75,11 +98,17 @@ def read_mvnx(
         moving = [frame for frame, kind in zip(frames, kinds, strict=True) if kind == "normal"]
         if len(moving) < 2:
             raise RecordingError(f"a motion needs two <frame> of type normal, has {len(moving)}")
+        if not any(frame.find("{*}orientation") is not None for frame in moving):
+            held = ", ".join(dict.fromkeys(each.tag.rpartition("}")[2] for each in moving[0]))
+            raise RecordingError(
+                f"no <frame> has an <orientation>, only {held or 'nothing'}: export MVNX with the "
+                "orientations of the segments"
+            )
         has_places = any(frame.find("{*}position") is not None for frame in moving)
         motion = _motion(
             names,
             _parents(subject, names),
-            _time(subject, moving),
+            _time(file, subject, moving, given=rate),
             (_rotations([rest], "T pose", len(names)), _places([rest], "T pose", len(names))),
             _rotations(moving, "frame", len(names)),
             _places(moving, "frame", len(names)) if has_places else None,
@@ -91,9 +120,27 @@ def read_mvnx(
 
 
 def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
-    """Return the index of the segment before each: joints connect "Pelvis/jL5S1" to "L5/jL5S1"."""
+    """Return the index of the segment before each: joints connect "Pelvis/jL5S1" to "L5/jL5S1".
+
+    Without joints they are those of MVN's segments.
+    """
     parents = [-1] * len(names)
-    for joint in subject.findall("{*}joints/{*}joint"):
+    joints = subject.findall("{*}joints/{*}joint")
+    if not joints:
+        for index, name in enumerate(names):
+            nearer = _BEFORE.get(name, ())
+            parents[index] = next((names.index(each) for each in nearer if each in names), -1)
+            if parents[index] > index:
+                raise RecordingError(
+                    f"there is no <joint> in <joints>, and the segment {name} does not come after "
+                    f"{names[parents[index]]}, as in MVN's list: export MVNX with the joints"
+                )
+        if not {*names} & {*_BEFORE}:
+            raise RecordingError(
+                "there is no <joint> in <joints>, and the segments are not MVN's but "
+                f"{', '.join(names)}: export MVNX with the joints"
+            )
+    for joint in joints:
         ends = [joint.findtext(f"{{*}}connector{k}", "").partition("/")[0] for k in (1, 2)]
         if not set(ends) <= set(names):
             raise RecordingError(f"the joint {joint.get('label')} connects {' and '.join(ends)}")
@@ -104,7 +151,7 @@ def _parents(subject: Element, names: list[str]) -> tuple[int, ...]:
     return tuple(parents)
 
 
-def _time(subject: Element, frames: list[Element]) -> Array:
+def _time(file: Path, subject: Element, frames: list[Element], *, given: float | None) -> Array:
     """Return times [s]: by the index of each frame and frameRate, or those in milliseconds."""
     rate = subject.get("frameRate")
     steps = {"time": 1e-3}
@@ -116,16 +163,22 @@ def _time(subject: Element, frames: list[Element]) -> Array:
             texts = Texts(name, "frame", [frame.get(name) for frame in frames])
             with np.errstate(over="ignore", invalid="ignore"):  # of damaged files
                 times[name] = step * (texts.numbers(1) - texts.numbers(1)[:1])[:, 0]
+    if not times and given is not None:
+        return times_at(len(frames), given)
     if not times:
-        raise RecordingError("frames have neither time nor index with a frameRate")
+        raise RecordingError(
+            "frames have neither time nor index with a frameRate, nor is there rate (--sample-rate)"
+        )
     if len(times) == 2:
         ends = [float(each[-1]) for each in times.values()]
-        if not abs(ends[0] - ends[1]) <= _LATE + _SAME_RATE * abs(ends[0]):
+        if not abs(ends[0] - ends[1]) <= _LATE + SAME_RATE * abs(ends[0]):
             raise RecordingError(
                 f"the last frame is at {ends[0]:g} s by its time, at {ends[1]:g} s by its index "
                 f"and frameRate {rate}"
             )
-    return times["index" if "index" in times else "time"]
+    time = times["index" if "index" in times else "time"]
+    stated_rate(file, rate_of(time), given)
+    return time
 
 
 def _vectors(frames: list[Element], what: str, name: str, shape: tuple[int, int]) -> Array:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.segment_orientations import JOINTS
 from geodesic_ocp.recordings.formats.laboratory import is_qualisys, is_vicon, motion_bids_kind
 from geodesic_ocp.recordings.formats.text_lines import LENGTHS, is_time
 
@@ -116,7 +117,8 @@ def _notes(lines: list[str]) -> list[re.Match[str]]:
 
 
 def _is_table(lines: list[str]) -> bool:
-    return bool(_notes(lines)) or any(map(is_time, _columns(lines)))
+    columns = _columns(lines)
+    return bool(_notes(lines)) or any(map(is_time, columns)) or not columns.isdisjoint(JOINTS)
 
 
 def _is_marker_table(lines: list[str]) -> bool:
@@ -138,6 +140,9 @@ def _columns(lines: list[str]) -> set[str]:
     return {name.strip(" \t\"'") for name in re.split(r"[,;\t]", first)}
 
 
+_GAPS = ("fill", "part")
+
+
 @dataclass(frozen=True)
 class Format:
     """A format of recordings.
@@ -146,7 +151,7 @@ class Format:
         label: name in messages.
         content: "angles" (a Motion), "segments" (SegmentOrientations) or "markers" (Markers).
         module, function: the reader, imported when a file of the format is read.
-        arguments: arguments of `read_recording` that apply to it.
+        arguments: arguments of `read_recording` that its reader takes.
         is_format: whether the lines of a text file, stripped and not empty, are of the format;
             formats without it are told by their first bytes.
     """
@@ -158,6 +163,11 @@ class Format:
     arguments: tuple[str, ...] = ()
     is_format: Callable[[list[str]], bool] = lambda lines: False
 
+    @property
+    def applicable(self) -> set[str]:
+        """Arguments of `read_recording` that apply to it: also those of gaps, if it has angles."""
+        return {*self.arguments, *(() if self.content == "markers" else _GAPS)}
+
     def read(self, file: Path, *args: Any, **kwargs: Any) -> Any:
         """Read a file of this format."""
         module = import_module(f"geodesic_ocp.recordings.formats.{self.module}")
@@ -166,7 +176,7 @@ class Format:
 
 _SKELETON = ("convention", "skeleton", "rate", "unit", "up")
 _MARKERS = ("up", "marker_set", "person")
-_TABLE = ("columns", "fill", "part")
+_TABLE = ("columns", *_GAPS)
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
     "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_mmm),
@@ -178,10 +188,10 @@ FORMATS: dict[str, Format] = {
         "angles",
         "opensim",
         "read_opensim",
-        ("convention", "columns"),
+        ("convention", *_TABLE, "degrees_in", "rate"),
         _is_opensim,
     ),
-    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention",), _is_mvnx),
+    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention", "rate"), _is_mvnx),
     "vicon": Format(
         "CSV of Vicon Nexus", "markers", "laboratory", "read_vicon", _MARKERS, is_vicon
     ),
@@ -193,7 +203,7 @@ FORMATS: dict[str, Format] = {
         "angles",
         "laboratory",
         "read_motion_bids_angles",
-        ("convention", *_TABLE),
+        ("convention", *_TABLE, "rate"),
     ),
     "bids markers": Format(
         "Motion-BIDS (POS)", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
@@ -206,9 +216,18 @@ FORMATS: dict[str, Format] = {
         _MARKERS,
         _is_marker_table,
     ),
-    "table": Format("a table (CSV)", "angles", "angle_tables", "read_table", _TABLE, _is_table),
+    "table": Format(
+        "a table (CSV)",
+        "angles",
+        "angle_tables",
+        "read_table",
+        (*_TABLE, "degrees_in", "rate"),
+        _is_table,
+    ),
     "c3d": Format("c3d", "markers", "c3d", "read_c3d", _MARKERS),
-    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up")),
+    "smpl": Format(
+        "AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up", "rate")
+    ),
 }
 
 

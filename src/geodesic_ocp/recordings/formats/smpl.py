@@ -2,10 +2,11 @@
 
 Mahmood et al., "AMASS: archive of motion capture as surface shapes", ICCV 2019. The array `poses`
 (k, 72, 156 or 165) begins with the rotation vectors of the pelvis and 21 body joints (SMPL, SMPL-H
-and SMPL-X alike), which some files hold as `root_orient` (k, 3) and `pose_body` (k, 63);
-`mocap_framerate` or `mocap_frame_rate` is the rate. The tree of joints and the rest pose are
-public; the lengths of the bones belong to the licensed body model and to `betas`, so that there are
-no positions here.
+and SMPL-X alike). Some files hold them as `root_orient` (k, 3) and `pose_body` (k, 63); estimates
+from video as `global_orient` (k, 3) and `body_pose` (k, 63 or 69), or (k, 21 or 23, 3), whose
+vertical axis is often another one. `mocap_framerate`, `mocap_frame_rate` or `fps` is the rate. The
+tree of joints and the rest pose are public; the lengths of the bones belong to the licensed body
+model and to `betas`, so that there are no positions here.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     SkeletonMotion,
     skeleton_segments,
 )
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.recordings.formats.text_lines import named_failures, stated_rate
 from geodesic_ocp.records import read_arrays
 
 # Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
@@ -57,8 +58,9 @@ _JOINTS = (
     ("right_wrist", 19, (-1, 0, 0)),
 )
 _WIDTHS = (66, 72, 156, 165)  # the body alone, SMPL, SMPL-H, SMPL-X
-_PARTS = ("root_orient", "pose_body")
-_RATES = ("mocap_framerate", "mocap_frame_rate")
+# Columns of the body without the pelvis, of SMPL also with its two hands.
+_PARTS = {("root_orient", "pose_body"): (63,), ("global_orient", "body_pose"): (63, 69)}
+_RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
 _SLOWEST, _FASTEST = 1e-3, 1e6  # [Hz]
 _LARGEST = 1e3  # [rad], of a rotation vector's components
 
@@ -67,6 +69,7 @@ def read_smpl(
     file: Path,
     convention: SkeletonConvention | str | Path | None = None,
     up: str | None = None,
+    rate: float | None = None,
 ) -> SegmentOrientations:
     """Read the orientations of segments from SMPL's body joints; the space has z up, as in AMASS,
     unless another axis is given.
@@ -78,6 +81,7 @@ def read_smpl(
         file: the .npz.
         convention: another one than `SMPL`.
         up: vertical axis of the space, such as "y"; by default that of the convention, or z.
+        rate: rate of the frames [Hz], if the file does not say it.
 
     Raises:
         RecordingError: the file is no such archive, an array is missing, of another shape or not
@@ -85,12 +89,18 @@ def read_smpl(
     """
     with named_failures(file):
         chosen = as_skeleton_convention(convention) or SMPL
-        motion = _motion(_arrays(file))
+        poses, own = _arrays(file)
+        used = stated_rate(file, own, rate)
+        if used is None:
+            raise RecordingError(
+                f"there is no {' or '.join(map(repr, _RATES[:2]))} in it, nor {_RATES[2]!r}: give "
+                "the rate of its frames by rate (--sample-rate)"
+            )
+        motion = _motion(poses, used)
         return skeleton_segments(motion, chosen, space_up="+z", up=up)
 
 
-def _motion(arrays: dict[str, Array]) -> SkeletonMotion:
-    poses, rate = arrays["poses"], float(arrays["rate"])
+def _motion(poses: Array, rate: float) -> SkeletonMotion:
     if poses.ndim != 2 or poses.shape[1] not in _WIDTHS:
         raise RecordingError(
             "'poses' must have 66, 72, 156 or 165 columns (the body, SMPL, SMPL-H, SMPL-X), has "
@@ -114,38 +124,46 @@ def _motion(arrays: dict[str, Array]) -> SkeletonMotion:
     return SkeletonMotion(skeleton, time, rotation, skeleton.offsets.__getitem__)
 
 
-def _arrays(file: Path) -> dict[str, Array]:
-    """Return the arrays "poses" and "rate" as floats."""
-    arrays = {}
-    for key, array in read_arrays(file, _needed).items():
-        name = "rate" if key in _RATES else key
-        if array.dtype.kind not in "fiu" or (name == "rate" and array.size != 1):
+def _arrays(file: Path) -> tuple[Array, float | None]:
+    """Return rotation vectors (k, n) and the rate, None without one."""
+    arrays: dict[str, Array] = {}
+    rate = None
+    for name, array in read_arrays(file, _needed).items():
+        is_rate = name in _RATES
+        if array.dtype.kind not in "fiu" or (is_rate and array.size != 1):
             raise RecordingError(
-                f"{key!r} must be {'a number' if name == 'rate' else 'numbers'}, is "
+                f"{name!r} must be {'a number' if is_rate else 'numbers'}, is "
                 f"{array.dtype} of shape {array.shape}"
             )
-        arrays[name] = np.array(array, dtype=float).reshape(() if name == "rate" else array.shape)
-    if set(_PARTS) <= set(arrays):
-        parts = [arrays.pop(name) for name in _PARTS]
-        shapes: list[tuple[int, ...]] = [part.shape for part in parts]
-        if [shape[1:] for shape in shapes] != [(3,), (63,)] or shapes[0][0] != shapes[1][0]:
-            raise RecordingError(
-                f"{' and '.join(_PARTS)} must have 3 and 63 columns, have the shapes "
-                f"{shapes[0]} and {shapes[1]}"
-            )
-        arrays["poses"] = np.hstack(parts)
-    return arrays
+        if is_rate:
+            rate = float(array.item())
+        else:
+            arrays[name] = np.array(array, dtype=float)
+    if "poses" in arrays:
+        return arrays["poses"], rate
+    first, second = arrays
+    root, body = (
+        each.reshape(len(each), -1) if each.ndim == 3 else each for each in arrays.values()
+    )
+    widths = body.shape[1] if body.ndim == 2 else 0
+    known = _PARTS[first, second]
+    if root.ndim != 2 or root.shape[1] != 3 or widths not in known or len(root) != len(body):
+        shapes = [array.shape for array in arrays.values()]
+        raise RecordingError(
+            f"{first} and {second} must have 3 and {' or '.join(map(str, known))} columns, have "
+            f"the shapes {' and '.join(map(str, shapes))}"
+        )
+    return np.hstack([root, body]), rate
 
 
 def _needed(names: list[str]) -> list[str]:
-    """Return the names of the arrays of poses and of the rate."""
+    """Return the names of the arrays of poses, and of the rate if it is there."""
     rate = [name for name in _RATES if name in names][:1]
-    poses = _PARTS if "poses" not in names and set(_PARTS) <= set(names) else ("poses",)
-    missing = " or ".join(map(repr, _RATES)) if not rate else ""
-    missing = missing if set(poses) <= set(names) else "'poses'"
-    if missing:
-        raise RecordingError(
-            f"there is no {missing} in it, as files of AMASS have; there are "
-            f"{', '.join(names[:20]) or 'no arrays'}"
-        )
-    return [*poses, *rate]
+    for poses in (("poses",), *_PARTS):
+        if set(poses) <= set(names):
+            return [*poses, *rate]
+    parts = ", nor ".join(" with ".join(map(repr, each)) for each in _PARTS)
+    raise RecordingError(
+        f"there is no 'poses' in it, as files of AMASS have, nor {parts}; there are "
+        f"{', '.join(names[:20]) or 'no arrays'}"
+    )

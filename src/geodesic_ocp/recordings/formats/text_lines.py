@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import math
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
+from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import RecordingError
 
 #: Radians in a unit of angle, by its name in lower case.
@@ -84,6 +86,58 @@ def numbers(line: int | None, what: str, words: Sequence[str], count: int) -> li
         if not math.isfinite(value) or abs(value) > _LARGEST:
             raise RecordingError(f"{what} has the value {value:g}")
     return values
+
+
+SAME_RATE = 0.01  # part by which two statements of one rate may differ
+
+
+def stated(file: Path, what: str, *, own: float | None, given: float | None) -> float | None:
+    """Return what a file states of itself or, where it says nothing, what was given.
+
+    Where it states something else, a RuntimeWarning says so.
+
+    Args:
+        file: of the recording.
+        what: it is about, with the name of the argument, such as "the rate [Hz] (rate)".
+        own: the file's.
+        given: the argument; None: not given.
+    """
+    if own is None:
+        return given
+    if given is not None and not abs(own - given) <= SAME_RATE * abs(own):
+        shown, other = (
+            str(each) if isinstance(each, bool) else f"{each:g}" for each in (own, given)
+        )
+        warnings.warn(
+            f"{file}: {what} is {shown}, as the file states, not {other}",
+            RuntimeWarning,
+            stacklevel=4,
+        )
+    return own
+
+
+def stated_rate(file: Path, own: float | None, given: float | None) -> float | None:
+    """Return the rate [Hz] that a file states or, where it says nothing, the one that was given."""
+    return stated(file, "the rate [Hz] (rate)", own=own, given=given)
+
+
+def rate_of(time: Array) -> float | None:
+    """Return the mean rate [Hz] of times (k,), or None if they are not increasing."""
+    lasting = time.size > 1 and time[-1] > time[0]
+    return (time.size - 1) / float(time[-1] - time[0]) if lasting else None
+
+
+@contextmanager
+def unless_stated() -> Iterator[None]:
+    """Yield without the warnings of `stated`: of many files, each takes what it does not state."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*, as the file states, not ", RuntimeWarning)
+        yield
+
+
+def times_at(count: int, rate: float) -> Array:
+    """Return the times (k,) [s] of so many samples at a rate [Hz], from zero on."""
+    return np.arange(count) / as_positive("rate", rate, "Hz")
 
 
 _TIMES = ("time", "t", "zeit", "timestamp")

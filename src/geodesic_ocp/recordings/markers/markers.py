@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_choice
+from geodesic_ocp.recordings.formats.text_lines import LENGTHS
+from geodesic_ocp.trajectory.gaps import gap_samples
 from geodesic_ocp.trajectory.motion import Subject
 
 
@@ -103,6 +105,27 @@ def with_z_up(markers: Markers, up: Axis) -> Markers:
 def evenly(count: int, most: int) -> NDArray[np.int64]:
     """Return indices of up to so many of `count` rows, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
+
+
+def without_gap_numbers(markers: Markers) -> tuple[Markers, str]:
+    """Return the markers with NaN where numbers stand for a gap, and what was found, or "".
+
+    Nothing is said of positions that are far away in any unit, as those that systems write for
+    markers which they do not see, such as -3.7e28.
+    """
+    positions = np.array(markers.positions)
+    with np.errstate(over="ignore"):
+        sizes = np.abs(positions).max(axis=2, initial=0.0)
+        # Even if the numbers were in the smallest unit of length that a file may have.
+        positions[sizes > _FARTHEST / min(LENGTHS.values())] = np.nan
+        gaps = gap_samples(positions, _FARTHEST)
+    positions[gaps] = np.nan
+    told = [
+        f"{markers.names[k]} in {int(gaps[:, k].sum())} samples from "
+        f"{markers.time[int(np.argmax(gaps[:, k]))]:.3f} s on"
+        for k in np.flatnonzero(gaps.any(axis=0)).tolist()
+    ]
+    return replace(markers, positions=positions), ", ".join(told)
 
 
 # Markers of people in one room are not farther apart, nor farther from its origin; those of the
