@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, real_array
 
 _ROUNDING = 1e-15
+_SAME_PLACE = 1e-9  # [m and rad]
 # A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
 DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
 # Arrays (nv,), independent of how the coordinates of a joint are stored.
@@ -87,6 +88,15 @@ def frame_index(model: pin.Model, name: str) -> int:
         raise ValueError(f"the model has no frame {name!r}; its frames are {known}")
     bodies = [number for number in named if model.frames[number].type == pin.FrameType.BODY]
     return (bodies or named)[-1]
+
+
+def link_of(model: pin.Model, index: int) -> str:
+    """Return name of the link at the joint, or of the joint if the link has none."""
+    for frame in model.frames:
+        at_joint = frame.parentJoint == index and frame.placement.isIdentity(_SAME_PLACE)
+        if at_joint and frame.type == pin.FrameType.BODY:
+            return str(frame.name)
+    return str(model.names[index])
 
 
 def without_noise(placement: pin.SE3) -> pin.SE3:

@@ -232,7 +232,7 @@ def test_deeply_nested_bodies_are_read_or_refused_by_name() -> None:
 
     def chain(length: int) -> str:
         bodies = "".join(
-            f'<body name="b{k}"><joint name="j{k}" range="-1 1"/><geom size=".1"/>'
+            f'<body name="b{k}" pos="0 0 .3"><joint name="j{k}" range="-1 1"/><geom size=".1"/>'
             for k in range(length)
         )
         return f"<mujoco><worldbody>{bodies}{'</body>' * length}</worldbody></mujoco>"

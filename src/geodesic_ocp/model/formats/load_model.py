@@ -142,6 +142,8 @@ def load_model(
         shapes = replace(shapes, disabled=disabled_collisions(Path(srdf), whole))
     loaded = Model(model, hands[0], backend, continuous, shapes, hands, armature_from=origin)
     check_inertias(loaded.pin)
+    if loaded.doubts:
+        warnings.warn(f"{loaded.name}: {'; '.join(loaded.doubts)}", UserWarning, stacklevel=2)
     return loaded
 
 
