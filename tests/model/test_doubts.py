@@ -86,13 +86,12 @@ def test_moments_of_solids_are_possible_as_long_as_digits_are_rounded() -> None:
     assert "no rigid body" in doubts_of(single(2.0, (0.01, 0.01, 0.021)))[0]
 
 
-def test_a_solid_of_lead_is_possible_and_a_point_mass_meant() -> None:
+def test_solids_of_the_densest_materials_are_possible() -> None:
     """A ball of radius r has moments 2/5 m r^2; lead has 11,340 kg/m^3, osmium 22,590."""
     radius = 0.03
     for density, is_possible in ((11_340.0, True), (22_000.0, True), (30_000.0, False)):
         mass = 4.0 / 3.0 * np.pi * density * radius**3
         assert (doubts_of(single(mass, [0.4 * mass * radius**2] * 3)) == ()) is is_possible
-    assert doubts_of(single(2.0, [1e-15] * 3)) == ()
 
 
 def single(mass: float, moments: object) -> pin.Model:

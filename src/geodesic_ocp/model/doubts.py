@@ -11,18 +11,8 @@ import pinocchio as pin
 
 from geodesic_ocp.model.joints import link_of, motion_subspace
 
-NO_LIMIT = 1e5  # [rad/s or N m]: numbers in files from here on stand for no limit
-
-# Moments with three digits, the first of which is 1, are rounded by up to 0.5 % each: the largest
-# one, and the sum of the other two.
-_ROUNDING = 0.01
+NO_LIMIT = 1e5  # [rad, rad/s or N m]: numbers in files from here on stand for no limit
 _DENSEST = 22_590.0  # [kg/m^3], osmium (CRC Handbook of Chemistry and Physics)
-_POINT = 1e-6  # [m], radius of gyration: nobody means a body as small as this, but a point
-_MOST = 4  # equal links; two or three of them are the pendulums and planar arms of textbooks
-_TURNS = 2.0  # no joint of a robot has limits of more turns either way: cables would not allow it
-# Turns per second. The fastest joints of legged robots reach 8 (52 rad/s, Unitree Laikago), those
-# of arms 4; slow arms turn by 60 and more degrees per second.
-_FASTEST = 10.0
 
 
 @dataclass(frozen=True)
@@ -48,17 +38,15 @@ class _Link:
     def is_possible(self) -> bool:
         """True if the moments satisfy the triangle inequality."""
         first, second, largest = self.moments
-        return largest <= (1.0 + _ROUNDING) * (first + second)
+        # With three digits, the first of which is 1, the largest moment and the sum of the others
+        # are rounded by up to 0.5 % each.
+        return largest <= 1.01 * (first + second)
 
     @property
     def is_too_dense(self) -> bool:
-        """True if a ball of this mass and of the densest material has larger moments.
-
-        A point mass, as in textbooks, is meant.
-        """
+        """True if a ball of this mass and of the densest material has larger moments."""
         radius = (3.0 * self.mass / (4.0 * np.pi * _DENSEST)) ** (1.0 / 3.0)
-        least = 6.0 / 5.0 * self.mass * radius**2
-        return bool(self.mass * _POINT**2 < sum(self.moments) < least)
+        return bool(sum(self.moments) < 6.0 / 5.0 * self.mass * radius**2)
 
 
 def doubts_of(model: pin.Model) -> tuple[str, ...]:
@@ -126,7 +114,8 @@ def _inertia_doubts(links: Sequence[_Link]) -> Iterator[str]:
 def _placeholder_doubts(links: Sequence[_Link]) -> Iterator[str]:
     seen = Counter(f"{link.mass:.6g}" for link in links)
     for mass, count in seen.most_common(1):
-        if count >= _MOST and count > len(links) / 2.0:
+        # Two or three equal links are the pendulums and planar arms of textbooks.
+        if count > 3 and count > len(links) / 2.0:
             yield f"{count} of {len(links)} links weigh {mass} kg each; is this a placeholder?"
 
 
@@ -134,21 +123,24 @@ def _limit_doubts(model: pin.Model) -> Iterator[str]:
     names = list(map(str, model.names))[1:]
     turning = [bool(np.any(motion_subspace(model, k)[3:])) for k in range(1, model.njoints)]
     limits = np.maximum(np.abs(model.lowerPositionLimit), np.abs(model.upperPositionLimit))
-    low, high = 2.0 * np.pi * _TURNS, 360.0 * _TURNS
-    wide = [k for k in range(model.nv) if turning[k] and low < limits[k] <= high]
+    # Cables allow no joint more than two turns either way; as degrees these numbers are possible.
+    in_range = (limits > 4.0 * np.pi) & (limits <= 720.0)
+    wide = [k for k in range(model.nv) if turning[k] and in_range[k]]
     if wide:
         first = wide[0]
         shown = f"{model.lowerPositionLimit[first]:.4g} to {model.upperPositionLimit[first]:.4g}"
         yield f"{_joints(names, wide)}: limits of {shown} rad; are these degrees?"
     speeds = model.velocityLimit
     turns = speeds / (2.0 * np.pi)  # per second
-    stated = speeds < NO_LIMIT
-    fast = [k for k in range(model.nv) if turning[k] and stated[k] and turns[k] > _FASTEST]
+    # The fastest joints of legged robots turn 8 times a second (52 rad/s, Unitree Laikago), those
+    # of arms 4 times; slow arms turn by 60 and more degrees per second.
+    in_range = (turns > 10.0) & (speeds < NO_LIMIT)
+    fast = [k for k in range(model.nv) if turning[k] and in_range[k]]
     if fast:
         first = fast[0]
         yield (
-            f"{_joints(names, fast)}: a limit of {speeds[first]:.4g} rad/s, {turns[first]:.3g} turns "
-            "per second; are these degrees, or does it stand for none?"
+            f"{_joints(names, fast)}: a limit of {speeds[first]:.4g} rad/s, {turns[first]:.3g} "
+            "turns per second; are these degrees, or does it stand for none?"
         )
     efforts = np.maximum(np.abs(model.lowerEffortLimit), np.abs(model.upperEffortLimit))
     for what, values in (("speed", speeds), ("effort", efforts)):

@@ -15,10 +15,8 @@ import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.model.joints import frame_index, link_of, max_reach, motion_subspace
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import ROUNDING, Model
 
-# Values in files are rounded: principal moments below this fraction of the largest are zero.
-_ROUNDING = 1e-9
 # Relative size below which an eigenvalue of a mass matrix is zero.
 _SINGULAR = 1e-13
 _NUM_CONFIGURATIONS = 8
@@ -50,7 +48,7 @@ def check_inertias(model: pin.Model) -> None:
             raise ValueError(f"link {link!r} has a negative mass, {body.mass:.3g} kg")
         moments = np.linalg.eigvalsh(body.inertia)
         # A massless link may have moments, such as those of a rotor, but no negative ones.
-        least = _ROUNDING * moments[-1] if body.mass > 0.0 else -_ROUNDING * moments[-1]
+        least = ROUNDING * moments[-1] if body.mass > 0.0 else -ROUNDING * moments[-1]
         if rotates[index] and (moments[0] < least or (body.mass > 0.0 and moments[-1] <= 0.0)):
             listed = ", ".join(f"{moment:.3g}" for moment in moments)
             what = f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive"

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, real_array
 
 _ROUNDING = 1e-15
-_SAME_PLACE = 1e-9  # [m and rad]
 # A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
 DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
 # Arrays (nv,), independent of how the coordinates of a joint are stored.
@@ -93,7 +92,7 @@ def frame_index(model: pin.Model, name: str) -> int:
 def link_of(model: pin.Model, index: int) -> str:
     """Return name of the link at the joint, or of the joint if the link has none."""
     for frame in model.frames:
-        at_joint = frame.parentJoint == index and frame.placement.isIdentity(_SAME_PLACE)
+        at_joint = frame.parentJoint == index and frame.placement.isIdentity()
         if at_joint and frame.type == pin.FrameType.BODY:
             return str(frame.name)
     return str(model.names[index])

@@ -27,7 +27,7 @@ from geodesic_ocp.model.joints import (
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
 from geodesic_ocp.tables import markdown, new_table
 
-_ROUNDING = 1e-9  # of moments of inertia in files, relative
+ROUNDING = 1e-9  # of moments of inertia in files, relative to the largest one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -431,8 +431,8 @@ def _body_inertia(mass: float, centre: Array, inertia: ArrayLike | None) -> pin.
     if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):
         raise ValueError(f"inertia must be 3 x 3 finite numbers, got {inertia!r}")
     largest = np.abs(moments).max()
-    if np.abs(moments - moments.T).max() > _ROUNDING * largest:
+    if np.abs(moments - moments.T).max() > ROUNDING * largest:
         raise ValueError(f"inertia must be symmetric, got {moments.tolist()}")
-    if np.linalg.eigvalsh(moments)[0] < -_ROUNDING * largest:
+    if np.linalg.eigvalsh(moments)[0] < -ROUNDING * largest:
         raise ValueError(f"inertia has a negative principal moment: {moments.tolist()}")
     return pin.Inertia(mass, centre, (moments + moments.T) / 2)

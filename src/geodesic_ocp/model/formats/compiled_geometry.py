@@ -16,7 +16,6 @@ from geodesic_ocp.model.formats.mjcf_source import (
 )
 
 _DEFAULT_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)  # any other precedes a material
-_VISUAL_GROUPS = 3  # geoms of group 3 and higher are collision geometry, as Pinocchio has it
 
 
 def compiled_geometry(
@@ -37,7 +36,7 @@ def compiled_geometry(
         if kind == pin.GeometryType.COLLISION:
             is_wanted = collides
         else:
-            is_wanted = not collides or native.geom_group[geom] < _VISUAL_GROUPS
+            is_wanted = not collides or native.geom_group[geom] < 3
         body = name_of(native.body(native.geom_bodyid[geom]))
         shape = _shape(native, geom) if is_wanted else None
         if shape is None:

@@ -54,6 +54,7 @@ class MjcfSource:
             ValueError: MuJoCo refuses the model; in its own words.
         """
         mujoco = installed_mujoco()
+        self._check_encoding()
         with warnings.catch_warnings(record=True) as notes:
             warnings.simplefilter("always")
             try:
@@ -69,8 +70,17 @@ class MjcfSource:
                 reason = " ".join(str(error).split())
                 what = "is not an MJCF that MuJoCo can read"
                 raise ValueError(f"{self.name} {what}: {reason}") from None
-        messages = dict.fromkeys(str(note.message) for note in notes)
+        messages = dict.fromkeys(" ".join(str(note.message).split()) for note in notes)
         return Compiled(native, tuple(f"{self.name}: {message}" for message in messages))
+
+    def _check_encoding(self) -> None:
+        if self.folder is None:
+            return
+        try:
+            (self.folder / self.name).read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            advice = "the encoding that MuJoCo reads: save it in UTF-8"
+            raise ValueError(f"{self.name} is not in UTF-8, {advice}") from None
 
 
 def _leave_out_meshes(spec: Any, mujoco: Any) -> None:
