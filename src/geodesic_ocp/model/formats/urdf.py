@@ -57,7 +57,8 @@ def urdf_model(root: ET.Element, text: str, name: str, folder: Path | None) -> F
     check_tree(tree, name)
     immovable = complete_tree(tree, name)
     text = ET.tostring(tree, encoding="unicode")
-    model, messages = _parsed(tree, name)
+    found = _parsed(tree, name)
+    model = found.value
     for joint in immovable:
         row = model.joints[model.getJointId(joint)].idx_q
         model.lowerPositionLimit[row] = -np.inf
@@ -65,8 +66,8 @@ def urdf_model(root: ET.Element, text: str, name: str, folder: Path | None) -> F
     set_armature(model, urdf_armature(tree, name))
     moving = [joint for joint in tree.iter("joint") if joint.get("name") in model.names]
     limited = [joint for joint in moving if joint.get("name") not in immovable]
-    if messages:
-        warnings.append(f"{name}: {'; '.join(messages)}")
+    if found.messages:
+        warnings.append(f"{name}: {'; '.join(found.messages)}")
     warnings += _zero_range_warnings(limited, name)
     mimics = _mimics(moving, name)
     lost = [joint for joint, mimic in mimics.items() if mimic.leader not in model.names]

@@ -44,11 +44,10 @@ def urdf_geometry(
     folders = [] if folder is None else [folder, *folder.parents]
     bare = ET.tostring(root, encoding="unicode")
     directories = [str(each) for each in folders]
-    geometry, messages = parsed(
-        lambda: pin.buildGeomFromUrdfString(model, bare, kind, package_dirs=directories)
-    )
-    if messages and kind == pin.GeometryType.COLLISION:  # the parser left out these shapes
-        raise ValueError("; ".join(messages))
+    found = parsed(lambda: pin.buildGeomFromUrdfString(model, bare, kind, package_dirs=directories))
+    if found.messages and kind == pin.GeometryType.COLLISION:  # the parser left out these shapes
+        raise ValueError("; ".join(found.messages))
+    geometry = found.value
     for name in capsules:
         if not geometry.existGeometryName(name):
             raise ValueError(f"the capsule of {name.rpartition('_')[0]!r} is not complete")

@@ -7,14 +7,19 @@ from __future__ import annotations
 import os
 import re
 import tempfile
+import threading
 from collections.abc import Callable
-from typing import Generic, NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 T = TypeVar("T")
-_MESSAGE = re.compile(r"^Error:\s*(.*)$", re.MULTILINE)
+# An error and the line of the parser's source that follows it.
+_MESSAGE = re.compile(r"^Error:\s*(.*)\n(?:\s+at line .*\n?)?", re.MULTILINE)
+_STREAM = threading.Lock()  # the standard error stream is the process's
 
 
-class Parsed(NamedTuple, Generic[T]):
+@dataclass(frozen=True)
+class Parsed(Generic[T]):
     """What was read, and errors of the parser, which leaves out elements that it cannot read."""
 
     value: T
@@ -24,12 +29,13 @@ class Parsed(NamedTuple, Generic[T]):
 def parsed(build: Callable[[], T]) -> Parsed[T]:
     """Return what a function of Pinocchio reads from a URDF, with the messages of its parser.
 
-    Meanwhile the standard error stream of the process goes to a file.
+    Meanwhile the standard error stream of the process goes to a file; what is not of the parser is
+    written to the stream afterwards.
 
     Raises:
         ValueError: Pinocchio cannot read it; gives the messages.
     """
-    with tempfile.TemporaryFile() as sink:
+    with _STREAM, tempfile.TemporaryFile() as sink:
         stderr = os.dup(2)
         os.dup2(sink.fileno(), 2)
         failure: Exception | None = None
@@ -42,6 +48,8 @@ def parsed(build: Callable[[], T]) -> Parsed[T]:
             os.close(stderr)
         sink.seek(0)
         written = sink.read().decode(errors="replace")
+    if others := _MESSAGE.sub("", written):
+        os.write(2, others.encode())
     messages = tuple(dict.fromkeys(_MESSAGE.findall(written)))
     if failure is not None:
         raise ValueError("; ".join(messages) or str(failure))
