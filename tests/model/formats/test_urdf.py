@@ -68,6 +68,11 @@ def rod(parent: str, child: str) -> str:
     return f'<joint name="rod" type="fixed">{ends}</joint>'
 
 
+RING = (
+    '<link name="left half"/><link name="right half"/>'
+    + rod("left half", "right half")
+    + rod("right half", "left half").replace("rod", "other rod")
+)
 LIMIT = re.compile("<limit [^>]*>")
 
 
@@ -90,7 +95,11 @@ LIMIT = re.compile("<limit [^>]*>")
         ),
         (
             urdf().replace('<link name="base"/>', f'<link name="base"/>{rod("three", "base")}'),
-            "every link is the child of a joint, so they form a closed chain",
+            "links 'base', 'lift', 'one', .* form a closed chain without a root",
+        ),
+        (
+            urdf().replace("</robot>", f"{RING}</robot>"),
+            "links 'left half', 'right half' form a closed chain without a root",
         ),
         (urdf().replace('link="two"', 'link="too"'), "'j_two' has the child 'too', which is no"),
         (

@@ -44,9 +44,11 @@ def check_tree(root: ET.Element, name: str) -> None:
 def _check_parents(root: ET.Element, name: str) -> None:
     """Check that every link but one is the child of one joint."""
     links = [link.get("name", "") for link in root.iterfind("link")]
-    above: dict[str, list[str]] = defaultdict(list)
+    above: dict[str, list[str]] = defaultdict(list)  # link -> joints of which it is the child
+    below: dict[str, list[str]] = defaultdict(list)  # link -> its children
     for joint in root.iterfind("joint"):
         label = joint.get("name", "")
+        ends = []
         for tag in ("parent", "child"):
             end = joint.find(tag)
             link = "" if end is None else end.get("link", "")
@@ -54,8 +56,10 @@ def _check_parents(root: ET.Element, name: str) -> None:
                 raise ValueError(
                     f"{name}: joint {label!r} has the {tag} {link!r}, which is no link"
                 )
-            if tag == "child":
-                above[link].append(label)
+            ends.append(link)
+        parent, child = ends
+        above[child].append(label)
+        below[parent].append(child)
     for link, joints in above.items():
         if len(joints) > 1:
             named = " and ".join(map(repr, joints))
@@ -64,11 +68,17 @@ def _check_parents(root: ET.Element, name: str) -> None:
                 "chains are not supported; leave out all of these joints but one"
             )
     roots = [link for link in links if link not in above]
-    if not roots:
-        raise ValueError(f"{name}: every link is the child of a joint, so they form a closed chain")
     if len(roots) > 1:
         named = ", ".join(map(repr, roots))
         raise ValueError(f"{name}: {len(roots)} links have no parent, and one must be: {named}")
+    reached = list(roots)
+    for link in reached:  # which grows
+        reached += below[link]
+    if lost := [link for link in links if link not in reached]:
+        raise ValueError(
+            f"{name}: links {', '.join(map(repr, lost))} form a closed chain without a root, as "
+            "each is the child of another; closed chains are not supported"
+        )
 
 
 def complete_tree(root: ET.Element, name: str) -> dict[str, str]:
