@@ -78,10 +78,13 @@ BALL = "<geom type='sphere' size='0.1' mass='1'/>"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (body("<geom type='mesh' mesh='m' mass='3'/>"), "body 'a' has the inertia of a mesh"),
+        (
+            body("<geom type='mesh' mesh='m' mass='3'/>"),
+            "the inertia of a mesh of body 'a', which has no <inertial>, is not supported w",
+        ),
         (
             body(BALL + "<frame><body name='c'/></frame>"),
-            "the text has a <frame>",
+            "the text: <frame> is not supported without MuJoCo: pip install",
         ),
         (body(BALL, "<compiler settotalmass='3'/>"), "settotalmass of <compiler> is not supported"),
         (body(BALL + "<include file='more.xml'/>"), "includes 'more.xml', which only a file can"),
@@ -223,10 +226,21 @@ def test_scenes_may_include_robots(tmp_path: Path) -> None:
     ("text", "message"),
     [
         (text_of(BALL), "has no <body>"),
-        (body(BALL + "<replicate count='3'/>"), "has a <replicate>"),
+        (body(BALL + "<replicate count='3'/>"), "<replicate> is not supported"),
         (body(BALL, "<compiler inertiagrouprange='1 2'/>"), "inertiagrouprange of <compiler>"),
+        (
+            body(
+                BALL + "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>",
+                "<compiler inertiafromgeom='true'/>",
+            ),
+            "inertiafromgeom in place of given <inertial>s",
+        ),
         (body(BALL, "<compiler eulerseq='XYZ'/>"), "eulerseq with capitals"),
-        (body(BALL, "<compiler coordinate='global'/>"), "global coordinates"),
+        (body(BALL, "<compiler coordinate='global'/>"), "coordinate of <compiler> is"),
+        (
+            body(BALL, after="<actuator><motor name='m' joint='j' armature='0.1'/></actuator>"),
+            "armature of the <motor> 'm' is not supported",
+        ),
         (body("<joint name='j' type='slide' range='0'/>" + BALL), "range of joint 'j' must be 2"),
     ],
 )

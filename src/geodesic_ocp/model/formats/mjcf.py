@@ -208,30 +208,39 @@ def _apply_defaults(root: ET.Element, name: str) -> None:
 
 
 def _reject_unsupported(root: ET.Element, name: str) -> None:
-    for tag in _ELEMENTS:
-        if next(root.iter(tag), None) is not None:
-            raise ValueError(f"{name} has a <{tag}>, which is not supported")
-    for compiler in root.iterfind("compiler"):
-        for key in _COMPILER:
-            if compiler.get(key, "0") not in ("0", "false", "-1", "0 5"):
-                raise ValueError(f"{name}: {key} of <compiler> is not supported")
-        if compiler.get("coordinate", "local") != "local":
-            raise ValueError(f"{name}: global coordinates are not supported")
-        if not compiler.get("eulerseq", "xyz").islower():
-            raise ValueError(f"{name}: eulerseq with capitals, about fixed axes, is not supported")
-        if compiler.get("inertiafromgeom") == "true" and next(root.iter("inertial"), None):
-            given = "inertiafromgeom in place of given <inertial>s"
-            raise ValueError(f"{name}: {given} is not supported")
     for joint in root.iter("joint"):
         if (kind := joint.get("type", "hinge")) not in _JOINTS:
             raise ValueError(f"{name}: joint {joint.get('name')!r} is of the unknown type {kind!r}")
+    for what in _unsupported(root):
+        advice = "is not supported without MuJoCo: pip install 'geodesic_ocp[mujoco]'"
+        raise ValueError(f"{name}: {what} {advice}")
+
+
+def _unsupported(root: ET.Element) -> Iterator[str]:
+    """Yield what Pinocchio would ignore, although it changes the model."""
+    for tag in _ELEMENTS:
+        if next(root.iter(tag), None) is not None:
+            yield f"<{tag}>"
+    for compiler in root.iterfind("compiler"):
+        for key in _COMPILER:
+            if compiler.get(key, "0") not in ("0", "false", "-1", "0 5"):
+                yield f"{key} of <compiler>"
+        if compiler.get("coordinate", "local") != "local":
+            yield "coordinate of <compiler>"
+        if not compiler.get("eulerseq", "xyz").islower():
+            yield "eulerseq with capitals, about fixed axes,"
+        is_stated = next(root.iter("inertial"), None) is not None
+        if is_stated and compiler.get("inertiafromgeom") == "true":
+            yield "inertiafromgeom in place of given <inertial>s"
+    for section in ("actuator", "tendon"):
+        for element in root.iterfind(f"{section}/*"):
+            if element.get("armature", "0") != "0":
+                yield f"armature of the <{element.tag}> {element.get('name')!r}"
     for body in root.iter("body"):
-        location = f"{name}: body {body.get('name')!r}"
         meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
         heavy = [geom for geom in meshes if not {geom.get("mass"), geom.get("density")} & {"0"}]
         if heavy and body.find("inertial") is None:
-            what = "has the inertia of a mesh, which is not supported: give <inertial>"
-            raise ValueError(f"{location} {what}")
+            yield f"the inertia of a mesh of body {body.get('name')!r}, which has no <inertial>,"
 
 
 def _rewrite(root: ET.Element, name: str) -> None:
