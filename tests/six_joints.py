@@ -13,8 +13,8 @@ _JOINTS = (
     ("spin", "z", (0.0, 0.0, 0.05)),
 )
 _LIMIT = '<limit lower="-2.8" upper="2.8" velocity="3" effort="80"/>'
-_INERTIAL = (
-    '<inertial><origin xyz="0 0 0.1"/><mass value="2"/>'
+_INERTIAL = (  # with the mass [kg]
+    '<inertial><origin xyz="0 0 0.1"/><mass value="{}"/>'
     '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial>'
 )
 
@@ -24,10 +24,10 @@ def six_joints(lift: bool = False) -> str:
     lines = ['<robot name="six-joints">', '<link name="floor"/>']
     parent = "floor"
     joints = [("column", "z", (0.0, 0.0, 0.0)), *_JOINTS] if lift else list(_JOINTS)
-    for name, axis, origin in joints:
+    for number, (name, axis, origin) in enumerate(joints):
         kind = "prismatic" if name == "column" else "revolute"
         lines += [
-            f'<link name="{name}_link">{_INERTIAL}</link>',
+            f'<link name="{name}_link">{_INERTIAL.format(3.0 - 0.4 * number)}</link>',
             f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
             f'<child link="{name}_link"/><origin xyz="{" ".join(map(str, origin))}"/>'
             f'<axis xyz="{_AXES[axis]}"/>{_LIMIT}</joint>',

@@ -5,6 +5,7 @@ The project's own is made by tools/known_geodesics.py, which shares no code with
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import lru_cache
@@ -124,7 +125,9 @@ def planar_arm(
         f'<link name="tip"/><joint name="end" type="fixed"><parent link="{parent}"/>'
         f'<child link="tip"/><origin xyz="{offset!r} 0 0"/></joint></robot>'
     )
-    return load_model("".join(parts), hand="tip", backend=backend)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # point masses and equal links are meant
+        return load_model("".join(parts), hand="tip", backend=backend)
 
 
 # Names of the fields, and the surface of their values [m, rad]. In this order, u is the height, the

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from commands import Output
 from known_metrics import HalfPlane
+from six_joints import six_joints
 
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.compiled import cache, library
@@ -100,3 +101,15 @@ def test_the_cache_is_cleared(
     assert text.endswith(f" MB, from {folder}\n")
     assert list(folder.iterdir()) == []
     assert "removed 0 compiled libraries, 0.0 MB" in run(capsys, "--clear-cache")
+
+
+@pytest.mark.parametrize("command", ["models", "info"])
+def test_what_is_doubtful_about_a_robot_is_said_once(
+    command: str, tmp_path: Path, printed: Output
+) -> None:
+    file = tmp_path / "six.urdf"
+    file.write_text(six_joints().replace("2.8", "170"))
+    text = printed(command, str(file))
+    assert text.count("note: six-joints: joint 'pan' and 5 others: limits of -170 to 170 rad") == 1
+    assert text.count("are these degrees?") == 1
+    assert "6 DoF" in text

@@ -34,13 +34,17 @@ ROBOT = """<robot name="two"><link name="base"/>
 
 @pytest.fixture
 def two() -> go.Model:
-    return go.load_model(ROBOT, hand="b")
+    with pytest.warns(UserWarning, match="two: joint 'turn': no limit on effort is known"):
+        return go.load_model(ROBOT, hand="b")
 
 
 def test_a_file_limits_speed_and_torque_and_defaults_follow(two: go.Model) -> None:
     limits = joint_limits(two)
     assert limits.velocity.tolist() == [0.5, np.inf]  # 1e10 rad/s is a placeholder
     assert limits.torque.tolist() == [200.0, np.inf]  # and so is a torque of zero
+    assert limits.unknown == ("turn",)
+    for given in (2.0, np.inf):
+        assert joint_limits(two, velocity={"turn": given}).unknown == ()
     assert limits.acceleration.tolist() == [2.0, np.inf]
     assert limits.jerk.tolist() == [40.0, np.inf]
     assert limits.sources["velocity"] == "file of the model (lift), not limited (turn)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import coal
@@ -125,7 +126,14 @@ def test_capsules_of_a_urdf_are_read_beside_other_shapes() -> None:
         assert go.load_model(strange, hand="grip").bodies
 
 
-def test_the_scale_of_a_mesh_may_be_a_default(tmp_path: Path) -> None:
+@pytest.mark.parametrize("reader", ["MuJoCo", "Pinocchio"])
+def test_the_scale_of_a_mesh_may_be_a_default(
+    reader: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if reader == "MuJoCo":
+        pytest.importorskip("mujoco")
+    else:
+        monkeypatch.setitem(sys.modules, "mujoco", None)
     points = "v 0 0 0\nv 200 0 0\nv 0 100 0\nv 0 0 300\n"
     (tmp_path / "wedge.obj").write_text(points + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     text = """<mujoco model="m"><compiler angle="radian"/>
@@ -138,6 +146,8 @@ def test_the_scale_of_a_mesh_may_be_a_default(tmp_path: Path) -> None:
     file.write_text(text)
     (body,) = go.load_model(file, hand="a").bodies
     assert 0.1 < capsule_volume(body) ** (1.0 / 3.0) < 0.3
+    if reader == "MuJoCo":
+        return  # which reads refpos
     file.write_text(text.replace('file="wedge.obj"', 'file="wedge.obj" refpos="0 0 1"'))
     with pytest.raises(ValueError, match="refpos and refquat of a mesh are not supported"):
         assert go.load_model(file, hand="a").bodies

@@ -18,9 +18,13 @@ from geodesic_ocp.retargeting.arm_alignment import Alignment
 HANDS = ("right hand", "left hand")
 
 
+MASSES = {"waist": 1.3, "upper": 1.1, "fore": 1.0, "hand": 0.9}  # [kg]
+
+
 def _link(name: str, length: float) -> str:
+    mass = MASSES[name.split()[-1]]
     return (
-        f'<link name="{name}"><inertial><origin xyz="0 {length / 2} 0"/><mass value="1"/>'
+        f'<link name="{name}"><inertial><origin xyz="0 {length / 2} 0"/><mass value="{mass}"/>'
         '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>'
     )
 

@@ -209,10 +209,11 @@ def test_a_long_arm_takes_positions_as_they_are_where_it_is_too_slow_or_fails(
 
     def motion(_: Any, pair: PairedArm) -> Any:
         unscaled = pair.mapping.scale == pytest.approx(1.0)
-        lasts, success = (seconds or 1.0) / (1.5 if unscaled else 1.0), seconds > 0.0 or unscaled
+        lasts, wanting = (seconds or 1.0) / (1.5 if unscaled else 1.0), not (seconds or unscaled)
         times = SimpleNamespace(edges=np.arange(2.0), robot_edges=[0.0, lasts], stretch=lasts)
-        arms = [SimpleNamespace(mapping=pair.mapping, missed={} if success else {1: (1.0, 1.0)})]
-        return SimpleNamespace(planned=times, stretch=lasts, arms=arms, success=success), []
+        arms = [SimpleNamespace(mapping=pair.mapping, missed={1: (1.0, 1.0)} if wanting else {})]
+        found = SimpleNamespace(planned=times, stretch=lasts, arms=arms, is_wanting=wanting)
+        return found, []
 
     monkeypatch.setattr(retarget._Plan, "_moved", motion)
     aligned = go.retargeting.align(robot)

@@ -14,6 +14,7 @@ from installed_robots import needs_robots
 from numpy.testing import assert_allclose
 from shaded_times import is_shaded
 from short_reprs import check_reprs
+from small_retargeting import small_retargeting
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
@@ -590,3 +591,13 @@ def test_an_obstacle_where_the_hand_has_to_be_moves_the_robot_unless_it_is_fixed
         for q in moved.trajectory.positions
     ]
     assert min(apart) > 0.0
+
+
+def test_a_speed_that_no_source_limits_is_no_success() -> None:
+    """Speeds of 0 in a file are unknown limits: without one there is nothing to plan with."""
+    result = small_retargeting(speed=0.0)
+    assert not result.success
+    (fault,) = result.unfit
+    assert fault.startswith("no limit on the speed of RSx_joint, RSz_joint")
+    assert "--velocity" in fault
+    assert result.bodies[0].limits.unknown == result.joint_names

@@ -48,21 +48,38 @@ def models(name: list[str] | None = None, /) -> None:
 
     Args:
         name: robots (names or files), or right or left for an arm of a person, whose degrees of
-            freedom, mass, reach, hand and joints are printed.
+            freedom, mass, reach, hand and joints are printed, and what is doubtful about them.
     """
+    if name:
+        _describe(name)
+        return
+    for line in catalogue():
+        print(line)
+
+
+def _describe(names: list[str]) -> None:
+    """Print the summaries of models, with what is doubtful about their files as notes."""
     with printed_warnings():
-        for line in chain.from_iterable(map(summary, name)) if name else catalogue():
+        for line in chain.from_iterable(map(summary, names)):
             print(line)
 
 
 def info(
-    *, clear_cache: Annotated[bool, Parameter(negative="", show_default=False)] = False
+    name: list[str] | None = None,
+    /,
+    *,
+    clear_cache: Annotated[bool, Parameter(negative="", show_default=False)] = False,
 ) -> None:
-    """Show versions, compilers and settings, or clear the cache.
+    """Show versions, compilers and settings, describe models, or clear the cache.
 
     Args:
+        name: robots (names or files), or right or left for an arm of a person, which are described
+            as by models.
         clear_cache: remove all compiled libraries from the cache.
     """
+    if name:
+        _describe(name)
+        return
     if clear_cache:
         size, count = _megabytes(), cache.clear()
         print(f"removed {count} compiled libraries, {size:.1f} MB, from {cache.cache_folder()}")

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
+from geodesic_ocp.model.doubts import NO_LIMIT
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import convert, naming, read_record, read_structured
 from geodesic_ocp.tables import markdown, new_table
@@ -44,8 +45,8 @@ _MOVEIT = {  # their names in files of MoveIt
     "jerk": "jerk",
     "torque": "effort",
 }
+_UNKNOWN = "not limited"  # the source of a limit that has none
 _MOVING = 1.5  # times the torque that holds the arm, to move it
-_PLACEHOLDER = 1e5  # [rad/s or N m]: numbers in files from here on stand for no limit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,6 +61,7 @@ class JointLimits(ShortRepr):
         sources: where the numbers come from, by the name of the field.
         torque_rate: of the torque's rate of change [N m/s or N/s].
         hand_speed: one number, of the origin of the hand frame [m/s].
+        unknown: joints whose speed no source limits and for which no limit was given, by name.
 
     Raises:
         ValueError: the fields differ in shape, or an entry is not positive.
@@ -72,6 +74,7 @@ class JointLimits(ShortRepr):
     sources: Mapping[str, str] = field(default_factory=dict)
     torque_rate: Array = field(default_factory=lambda: np.array(np.inf))
     hand_speed: float = np.inf
+    unknown: tuple[str, ...] = ()
     _shown = QUANTITIES[:4]
 
     def __post_init__(self) -> None:
@@ -176,12 +179,14 @@ def joint_limits(
     defaults.
 
     Files of robots state limits on speed and torque; zero and very large numbers in them count as
-    no limit. Few makers publish limits on acceleration, jerk, the torque's rate and the hand's
-    speed (`sources` names the document); the latter two have no defaults. The default acceleration
-    reaches full speed within 0.25 s, the default jerk full acceleration within 0.05 s; published
-    ones of the Panda and the xArm7 do so within 0.13 to 0.29 s and 0.002 to 0.04 s. A joint without
-    a limit on its speed has none on these either, nor has one without a stated torque on its
-    torque. Models of human arms have no such limits.
+    no limit. Joints whose speed is then not limited are `JointLimits.unknown`, and retargeting to
+    them is no success until a limit is given, infinite for none. Few makers publish limits on
+    acceleration, jerk, the torque's rate and the hand's speed (`sources` names the document); the
+    latter two have no defaults. The default acceleration reaches full speed within 0.25 s, the
+    default jerk full acceleration within 0.05 s; published ones of the Panda and the xArm7 do so
+    within 0.13 to 0.29 s and 0.002 to 0.04 s. A joint without a limit on its speed has none on
+    these either, nor has one without a stated torque on its torque. Models of human arms have no
+    such limits.
 
     >>> import geodesic_ocp as go
     >>> arm = go.human_arm("right")
@@ -222,15 +227,18 @@ def joint_limits(
             default = np.where(np.isfinite(found[before]), found[before] / time, 0.0)
             ways.insert(0, (f"default: full {what} within {time:g} s", default))
         in_it = np.array(in_file.get(name, none))
-        ways.append(("file of the model", np.where(in_it < _PLACEHOLDER, in_it, 0.0)))
+        ways.append(("file of the model", np.where(in_it < NO_LIMIT, in_it, 0.0)))
         ways.append((str(file), in_moveit.get(name, none)))
-        values, origins = np.full(model.dof, np.inf), ["not limited"] * model.dof
+        values, origins = np.full(model.dof, np.inf), [_UNKNOWN] * model.dof
         for origin, numbers in ways:
             for k in np.flatnonzero(numbers > 0.0).tolist():
                 values[k], origins[k] = numbers[k], origin
         for k, entry in _by_joint(name, value, model).items():
             label = f"{name} of {model.joint_names[k]}"
             values[k], origins[k] = _given(label, entry, values[k], origins[k])
+        if name == "velocity":
+            named = zip(model.joint_names, origins, strict=True)
+            unknown = tuple(joint for joint, origin in named if origin == _UNKNOWN)
         found[name] = values
         sources[name] = _summary(origins, model.joint_names)
     fastest, sources["hand_speed"] = np.inf, "not limited"
@@ -240,7 +248,7 @@ def joint_limits(
         fastest, sources["hand_speed"] = _given(
             "hand_speed", hand_speed, fastest, sources["hand_speed"]
         )
-    return JointLimits(**found, sources=sources, hand_speed=fastest)
+    return JointLimits(**found, sources=sources, hand_speed=fastest, unknown=unknown)
 
 
 def within_ranges(

@@ -15,7 +15,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.model.formats.mjcf import mjcf_text
+from geodesic_ocp.model.formats.mjcf_text import mjcf_text
 from geodesic_ocp.model.formats.robots import locate
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory

@@ -14,11 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.model.joints import frame_index, max_reach, motion_subspace
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.joints import frame_index, link_of, max_reach, motion_subspace
+from geodesic_ocp.model.model import ROUNDING, Model
 
-# Values in files are rounded: principal moments below this fraction of the largest are zero.
-_ROUNDING = 1e-9
 # Relative size below which an eigenvalue of a mass matrix is zero.
 _SINGULAR = 1e-13
 _NUM_CONFIGURATIONS = 8
@@ -41,7 +39,7 @@ def check_inertias(model: pin.Model) -> None:
     """
     rotates = [False] * model.njoints
     for index in range(1, model.njoints):
-        body, link = model.inertias[index], _link_of(model, index)
+        body, link = model.inertias[index], link_of(model, index)
         angular = motion_subspace(model, index)[3:]
         rotates[index] = rotates[model.parents[index]] or bool(np.any(angular))
         if not np.all(np.isfinite(body.toDynamicParameters())):
@@ -50,21 +48,12 @@ def check_inertias(model: pin.Model) -> None:
             raise ValueError(f"link {link!r} has a negative mass, {body.mass:.3g} kg")
         moments = np.linalg.eigvalsh(body.inertia)
         # A massless link may have moments, such as those of a rotor, but no negative ones.
-        least = _ROUNDING * moments[-1] if body.mass > 0.0 else -_ROUNDING * moments[-1]
+        least = ROUNDING * moments[-1] if body.mass > 0.0 else -ROUNDING * moments[-1]
         if rotates[index] and (moments[0] < least or (body.mass > 0.0 and moments[-1] <= 0.0)):
             listed = ", ".join(f"{moment:.3g}" for moment in moments)
             what = f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive"
             raise ValueError(f"{what} definite: principal moments {listed} kg m^2")
     _check_mass_matrix(model)
-
-
-def _link_of(model: pin.Model, index: int) -> str:
-    """Return name of the link at the joint, or of the joint if the link has none."""
-    for frame in model.frames:
-        at_joint = frame.parentJoint == index and frame.placement.isIdentity(_ROUNDING)
-        if at_joint and frame.type == pin.FrameType.BODY:
-            return str(frame.name)
-    return str(model.names[index])
 
 
 def _check_mass_matrix(model: pin.Model) -> None:
@@ -86,7 +75,7 @@ def _check_mass_matrix(model: pin.Model) -> None:
     has_mass = any(model.inertias[each].mass > 0.0 for each in model.subtrees[index])
     why = "that moves no mass" if has_mass else "neither it nor any later link has mass"
     raise ValueError(
-        f"link {_link_of(model, index)!r} moves with joint {model.names[index]!r}, but {why}, and "
+        f"link {link_of(model, index)!r} moves with joint {model.names[index]!r}, but {why}, and "
         "the joint has no armature: the mass matrix is singular in every configuration"
     )
 

@@ -89,6 +89,15 @@ def frame_index(model: pin.Model, name: str) -> int:
     return (bodies or named)[-1]
 
 
+def link_of(model: pin.Model, index: int) -> str:
+    """Return name of the link at the joint, or of the joint if the link has none."""
+    for frame in model.frames:
+        at_joint = frame.parentJoint == index and frame.placement.isIdentity()
+        if at_joint and frame.type == pin.FrameType.BODY:
+            return str(frame.name)
+    return str(model.names[index])
+
+
 def without_noise(placement: pin.SE3) -> pin.SE3:
     """Return the placement with rounding errors in its rotation set to zero, for small graphs.
 

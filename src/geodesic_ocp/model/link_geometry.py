@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
-import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +18,6 @@ from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
 _COINCIDE = 1e-12  # [m]
 _MAX_EVALUATIONS = 1500
-_SUPPORTED = ("box", "cylinder", "sphere", "capsule", "mesh")
 GREY = (0.62, 0.65, 0.70)  # colour of shapes without one
 _RIM = 24  # corners of the polygon around a circle
 
@@ -119,9 +114,9 @@ class LinkGeometry:
 
     Attributes:
         pin: the model of the whole file.
-        text: text of the file, as Pinocchio reads it.
+        text: text of the file.
         name: name of the file, for messages.
-        folder: folder of the file; meshes are searched for in it and all its parents.
+        read: a function that reads the geometry of one of the two kinds, in any format.
         disabled: pairs of links that are not checked for collisions, each with the name of the file
             that says so.
     """
@@ -129,7 +124,7 @@ class LinkGeometry:
     pin: pin.Model
     text: str = field(repr=False)
     name: str
-    folder: Path | None
+    read: Callable[[pin.GeometryType], pin.GeometryModel] = field(repr=False)
     disabled: Mapping[frozenset[str], str] = field(default_factory=dict, repr=False)
 
     def __call__(self) -> tuple[Body, ...]:
@@ -148,18 +143,6 @@ class LinkGeometry:
         Raises:
             ValueError: a mesh is missing or cannot be read, or no capsule encloses a shape.
         """
-        root = ET.fromstring(self.text)
-        for each in root.iterfind("link"):
-            for shape in each.iterfind("collision"):
-                kinds = [child.tag for child in shape.iterfind("geometry/*")]
-                if len(kinds) != 1 or kinds[0] not in _SUPPORTED:
-                    raise ValueError(
-                        f"{self.name}: the collision geometry of {each.get('name')!r} is "
-                        f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_SUPPORTED)}"
-                    )
-        for mesh in root.iterfind("asset/mesh"):
-            if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
-                raise ValueError(f"{self.name}: refpos and refquat of a mesh are not supported")
         try:
             found = list(self._shapes(pin.GeometryType.COLLISION))
         except Exception as error:
@@ -184,35 +167,10 @@ class LinkGeometry:
         return self._shapes(pin.GeometryType.VISUAL)
 
     def _shapes(self, kind: pin.GeometryType) -> Iterator[tuple[pin.GeometryObject, pin.SE3, str]]:
-        for each in self._geometry(kind).geometryObjects:
+        for each in self.read(kind).geometryObjects:
             if type(each.geometry).__name__ not in ("Halfspace", "Plane"):  # a floor, not a link
                 frame = self.pin.frames[each.parentFrame]
                 yield each, frame.placement.actInv(each.placement), str(frame.name)
-
-    def _geometry(self, kind: pin.GeometryType) -> pin.GeometryModel:
-        if self.text.lstrip().startswith("<mujoco"):
-            with tempfile.TemporaryDirectory() as scratch:
-                written = Path(scratch) / "model.xml"
-                written.write_text(self.text, encoding="utf-8")
-                return pin.buildGeomFromMJCF(self.pin, str(written), kind)
-        folders = [] if self.folder is None else [self.folder, *self.folder.parents]
-        root, capsules = ET.fromstring(self.text), {"visual": set[str](), "collision": set[str]()}
-        for link, (tag, names) in product(root.iterfind("link"), capsules.items()):
-            for number, shape in enumerate(link.iterfind(tag)):
-                # urdfdom does not know capsules, and would drop all shapes of the link.
-                if (capsule := shape.find("geometry/capsule")) is not None:
-                    capsule.tag = "cylinder"
-                    names.add(f"{link.get('name')}_{number}")
-        text = ET.tostring(root, encoding="unicode")
-        package_dirs = [str(each) for each in folders]
-        geometry = pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=package_dirs)
-        for name in capsules[kind.name.lower()]:
-            if not geometry.existGeometryName(name):
-                raise ValueError(f"the capsule of {name.rpartition('_')[0]!r} is not complete")
-            each = geometry.geometryObjects[geometry.getGeometryId(name)]
-            radius, length = each.geometry.radius, 2.0 * each.geometry.halfLength
-            each.geometry = pin.coal.Capsule(radius, length)  # the length excludes the caps
-        return geometry
 
 
 def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:

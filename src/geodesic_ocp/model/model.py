@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_number, as_positive, as_vector, is_symbolic, real_array
+from geodesic_ocp.model.doubts import doubts_of
 from geodesic_ocp.model.dynamics import SymbolicFunctions, choose_backend
 from geodesic_ocp.model.joints import (
     continuous_joints,
@@ -26,7 +27,7 @@ from geodesic_ocp.model.joints import (
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
 from geodesic_ocp.tables import markdown, new_table
 
-_ROUNDING = 1e-9  # of moments of inertia in files, relative
+ROUNDING = 1e-9  # of moments of inertia in files, relative to the largest one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,6 +83,8 @@ class Model:
         if inertia := self.describe_armature():
             source = self.armature_from and f" from {self.armature_from}"
             what += f", {inertia}{source}"
+        if self.doubts:
+            what += f", doubts: {'; '.join(self.doubts)}"
         return f"Model({what})"
 
     def _repr_markdown_(self) -> str:
@@ -91,7 +94,9 @@ class Model:
             new_table(("joint", "unit", "lower limit", "upper limit", "armature"), rows)
         )
         hands = "`, `".join(self.hands)
-        return f"**{self.name}**: hand `{hands}`, mass {self.mass:.3g} kg\n\n{table}"
+        doubts = "".join(f"\n- {doubt}" for doubt in self.doubts)
+        doubtful = f"\n\ndoubts:\n{doubts}" if doubts else ""
+        return f"**{self.name}**: hand `{hands}`, mass {self.mass:.3g} kg\n\n{table}{doubtful}"
 
     @property
     def name(self) -> str:
@@ -148,6 +153,11 @@ class Model:
         shown = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
         units = {"kg m^2" if unit == "rad" else "kg" for unit in self.units}
         return f"joint inertia {shown} {' and '.join(sorted(units))}"
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What can hardly be right in inertias and limits, a sentence each (`model.doubts`)."""
+        return doubts_of(self.pin)
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
@@ -421,8 +431,8 @@ def _body_inertia(mass: float, centre: Array, inertia: ArrayLike | None) -> pin.
     if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):
         raise ValueError(f"inertia must be 3 x 3 finite numbers, got {inertia!r}")
     largest = np.abs(moments).max()
-    if np.abs(moments - moments.T).max() > _ROUNDING * largest:
+    if np.abs(moments - moments.T).max() > ROUNDING * largest:
         raise ValueError(f"inertia must be symmetric, got {moments.tolist()}")
-    if np.linalg.eigvalsh(moments)[0] < -_ROUNDING * largest:
+    if np.linalg.eigvalsh(moments)[0] < -ROUNDING * largest:
         raise ValueError(f"inertia has a negative principal moment: {moments.tolist()}")
     return pin.Inertia(mass, centre, (moments + moments.T) / 2)

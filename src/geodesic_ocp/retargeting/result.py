@@ -113,11 +113,32 @@ class Retargeting:
     @cached_property
     def faults(self) -> tuple[str, ...]:
         """Why the result is no success, a sentence each: those of `unfit`, and missed poses."""
-        return (*self.unfit, *(sentence for arm in self.arms for sentence in _missed_poses(arm)))
+        return (*self.unfit, *self._missed)
+
+    @property
+    def is_wanting(self) -> bool:
+        """True if another plan might mend a fault: limits that are not known it cannot."""
+        return bool(self.motion_faults or self._missed)
+
+    @cached_property
+    def _missed(self) -> tuple[str, ...]:
+        return tuple(sentence for arm in self.arms for sentence in _missed_poses(arm))
 
     @cached_property
     def unfit(self) -> tuple[str, ...]:
         """Why the trajectory should not run on a robot, a sentence each."""
+        unknown = dict.fromkeys(name for arm in self.bodies for name in arm.limits.unknown)
+        if not unknown or not self.settings.within_limits:
+            return self.motion_faults
+        sentence = (
+            f"no limit on the speed of {', '.join(unknown)} is known: give one (velocity, or "
+            "--velocity), infinite for none"
+        )
+        return (*self.motion_faults, sentence)
+
+    @cached_property
+    def motion_faults(self) -> tuple[str, ...]:
+        """Faults of paths and trajectory, a sentence each; limits that are not known are none."""
         found = [] if self.planned.success else [f"trajectory not found: {self.planned.status}"]
         failed = (each.status for arm in self.arms for each in arm.transfers if not each.success)
         found += [f"path not found: {status}" for status in dict.fromkeys(failed)]

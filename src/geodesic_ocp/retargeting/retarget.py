@@ -267,7 +267,7 @@ class _Plan:
         same, as a longer arm magnifies the person's motion, with positions as they are.
         """
         found, scale = self._moved(pair), pair.mapping.scale
-        fails = not found[0].success
+        fails = found[0].is_wanting
         if pair.settings.scale is not None or scale <= 1.0:
             return found
         if np.isclose(found[0].arms[0].mapping.scale, 1.0):  # it has them as they are
@@ -299,7 +299,7 @@ class _Plan:
             found = self.constrained(list(pair.of_hands), SynergyPaths, [grasps])
         except NotConverged as error:
             failure = error
-        if found is not None and not found[0].unfit and _slowness(found[0]) <= 1.0:
+        if found is not None and not found[0].motion_faults and _slowness(found[0]) <= 1.0:
             return found
         placed = placed or self._placed(pair)
         if placed[1].cost < placed[1].cost_before:
@@ -357,7 +357,7 @@ class _Plan:
         """Return the motion, or a quicker one by a program in which time weighs more, solved if the
         motion is late and the limits allow the lines from which that starts in less time.
         """
-        if result.paths is None or not result.success or result.stretch <= _LATE:
+        if result.paths is None or result.is_wanting or result.stretch <= _LATE:
             return result, notes
         given, arms, bodies = result.paths.problem, result.arms, result.bodies
         problem: Any = replace(given, stretch=_HURRY * given.stretch)
@@ -443,7 +443,7 @@ def _times(result: Retargeting) -> str:
 def _success(result: Retargeting) -> tuple[bool, int, float, float]:
     """Return whether it failed, how many poses it misses, how much too slow it is, and its time."""
     missed = sum(len(arm.missed) for arm in result.arms)
-    return not result.success, missed, max(1.0, _slowness(result)), result.stretch
+    return result.is_wanting, missed, max(1.0, _slowness(result)), result.stretch
 
 
 def _rank(paths: PlannedPaths) -> tuple[bool, int, float]:

@@ -166,12 +166,6 @@ def test_unreadable_sources_are_named(source: object, message: str) -> None:
         go.load_model(source, hand="grip")  # type: ignore[arg-type]
 
 
-def test_a_urdf_has_one_root(capfd: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(ValueError, match="not a URDF that Pinocchio can read"):
-        go.load_model("<robot name='a'><link name='b'/><link name='c'/></robot>", hand="b")
-    capfd.readouterr()  # urdfdom prints to standard error
-
-
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_mmm_models_arm_is_the_human_arm(
     side: str, shared: Path, rng: np.random.Generator

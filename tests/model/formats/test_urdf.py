@@ -63,6 +63,16 @@ def test_mimic_joints_of_a_pin_model_are_rejected() -> None:
         go.load_model(native, hand="grip")
 
 
+def rod(parent: str, child: str) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="rod" type="fixed">{ends}</joint>'
+
+
+RING = (
+    '<link name="left half"/><link name="right half"/>'
+    + rod("left half", "right half")
+    + rod("right half", "left half").replace("rod", "other rod")
+)
 LIMIT = re.compile("<limit [^>]*>")
 
 
@@ -75,11 +85,60 @@ LIMIT = re.compile("<limit [^>]*>")
         (urdf().replace(' name="gadget"', ""), "<robot> has no name"),
         (urdf().replace('mass value="2"', 'mass value="two"'), "value is 'two', not a number"),
         (urdf(two_origin='xyz="0,5 0"'), r'line \d+: xyz="0,5 0" is not three numbers'),
+        (
+            "<robot name='a'><link name='b'/><link name='c'/></robot>",
+            "2 links have no parent, and one must be: 'b', 'c'",
+        ),
+        (
+            urdf().replace("</robot>", f"{rod('one', 'three')}</robot>"),
+            "link 'three' has 2 parents, by the joints 'j_three' and 'rod': closed chains",
+        ),
+        (
+            urdf().replace('<link name="base"/>', f'<link name="base"/>{rod("three", "base")}'),
+            "links 'base', 'lift', 'one', .* form a closed chain without a root",
+        ),
+        (
+            urdf().replace("</robot>", f"{RING}</robot>"),
+            "links 'left half', 'right half' form a closed chain without a root",
+        ),
+        (urdf().replace('link="two"', 'link="too"'), "'j_two' has the child 'too', which is no"),
+        (
+            urdf().replace('effort="1"', 'effort="a"'),
+            r"joint \[j_lift\]: effort value \(a\) is not",
+        ),
     ],
 )
 def test_invalid_values_in_a_urdf_are_named(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.load_model(text, hand="grip")
+
+
+UNLIMITED = (
+    '<link name="mast"/><joint name="j_mast" type="prismatic"><parent link="base"/>'
+    '<child link="mast"/><axis xyz="0 0 1"/></joint></robot>'
+)
+
+
+def test_a_joint_without_limits_that_does_not_move_is_locked() -> None:
+    """The format requires <limit>, but what is locked has no use for it."""
+    text = urdf().replace("</robot>", UNLIMITED)
+    for names in ({}, {"joints": ["j_one", "j_two"]}, {"configuration": {"j_mast": 0.5}}):
+        model = go.load_model(text, hand="grip", **names)
+        assert "j_mast" not in model.joint_names
+    with pytest.raises(ValueError, match="'j_mast' is prismatic and has no <limit>; give it one"):
+        go.load_model(text, hand="mast")
+
+
+def test_what_the_parser_leaves_out_is_said(capfd: pytest.CaptureFixture[str]) -> None:
+    """The parser in C++ says it on the standard error stream alone, and reads a massless link."""
+    weightless = urdf(beside_inertial='<inertial><inertia ixx="1" iyy="1" izz="1"/></inertial>')
+    with pytest.warns(UserWarning, match="the text: Inertial element must have a mass element"):
+        go.load_model(weightless, hand="grip")
+    assert capfd.readouterr().err == ""
+    shapeless = '<link name="two"><collision><geometry><box/></geometry></collision>'
+    model = go.load_model(urdf().replace('<link name="two">', shapeless), hand="grip")
+    with pytest.raises(ValueError, match="Box shape has no size attribute"):
+        assert model.bodies
 
 
 def test_missing_limits_cause_a_warning() -> None:

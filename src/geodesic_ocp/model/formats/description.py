@@ -12,14 +12,10 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.model.formats.file_model import Mimic, apply_mimics, check_depth
 from geodesic_ocp.model.formats.mjcf import mjcf_model
 from geodesic_ocp.model.formats.simox import simox_model
-from geodesic_ocp.model.formats.urdf import (
-    Mimic,
-    apply_mimics,
-    srdf_disabled_collisions,
-    urdf_model,
-)
+from geodesic_ocp.model.formats.urdf import srdf_disabled_collisions, urdf_model
 from geodesic_ocp.model.joints import (
     frame_index,
     motion_subspace,
@@ -42,12 +38,14 @@ class Description:
         pin: the model, with all joints of the file.
         mimics: joints that mimic another, by name.
         warnings: faults in the text and how they were resolved, one sentence each.
+        immovable: joints that the file describes too badly to move, each with the reason.
         shapes: collision bodies of the links, or a function that reads them from the file.
     """
 
     pin: pin.Model
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    immovable: Mapping[str, str] = field(default_factory=dict)
     shapes: Bodies = ()
 
 
@@ -82,12 +80,14 @@ def read_description(
     Raises:
         ValueError: the text is in another format or not valid; names the location, if known.
     """
+    folder = folder and folder.absolute()
     # The text is already decoded: ElementTree rejects a declared encoding.
     text = _DECLARATION.sub("", text.removeprefix("\ufeff"), count=1)
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
         raise ValueError(f"{name} is not well-formed XML: {error}") from None
+    check_depth(root, name)
     if root.tag == "Robot":
         return Description(simox_model(root, name, height, mass))
     if height is not None or mass is not None:
@@ -95,16 +95,22 @@ def read_description(
     disabled: Mapping[frozenset[str], str] = {}
     if root.tag == "robot":
         disabled = {} if folder is None else srdf_disabled_collisions(folder / name)
-        model, mimics, faults, text = urdf_model(root, text, name)
+        found = urdf_model(root, text, name, folder)
     elif root.tag == "mujoco":
-        model, mimics, faults, text = mjcf_model(root, name, folder)
+        found = mjcf_model(root, text, name, folder)
     else:
         raise ValueError(
             f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root "
             f"element is <{root.tag}>"
         )
-    shapes = LinkGeometry(model, text, name, folder and folder.absolute(), disabled)
-    return Description(model, mimics, faults, shapes)
+    shapes = LinkGeometry(found.pin, text, name, found.geometry, disabled)
+    return Description(
+        found.pin,
+        mimics=found.mimics,
+        warnings=found.warnings,
+        immovable=found.immovable,
+        shapes=shapes,
+    )
 
 
 _LIMIT_TOLERANCE = 1e-6  # [rad or m]: limits in files are rounded
@@ -121,6 +127,9 @@ def lock_joints(
     """
     model = description.pin
     for name in moving:
+        if name in description.immovable:
+            advice = "give it one, or leave it out with base=... or joints=[...]"
+            raise ValueError(f"{description.immovable[name]}; {advice}")
         if name in description.mimics:
             leader = description.mimics[name].leader
             raise ValueError(f"joint {name!r} mimics {leader!r}: it cannot move independently")

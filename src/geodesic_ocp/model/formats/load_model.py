@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.doubts import NO_LIMIT
 from geodesic_ocp.model.dynamics import (
     BACKENDS,
     ENVIRONMENT_VARIABLE,
@@ -50,7 +51,6 @@ from geodesic_ocp.model.model import Model
 _SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro")
 _LONGEST_NAME = 4096
 _WIDTH = 100  # of the list of models
-_UNLIMITED = 1e6  # [rad]: limits beyond it stand for infinity
 
 
 def load_model(
@@ -142,6 +142,8 @@ def load_model(
         shapes = replace(shapes, disabled=disabled_collisions(Path(srdf), whole))
     loaded = Model(model, hands[0], backend, continuous, shapes, hands, armature_from=origin)
     check_inertias(loaded.pin)
+    if loaded.doubts:
+        warnings.warn(f"{loaded.name}: {'; '.join(loaded.doubts)}", UserWarning, stacklevel=2)
     return loaded
 
 
@@ -152,7 +154,7 @@ def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
         row, twist = model.joints[index].idx_q, motion_subspace(model, index)
         # A revolution of a screw also translates.
         revolute = model.joints[index].nq == 1 and np.any(twist[3:]) and not np.any(twist[:3])
-        if revolute and lower[row] <= -_UNLIMITED and upper[row] >= _UNLIMITED:
+        if revolute and lower[row] <= -NO_LIMIT and upper[row] >= NO_LIMIT:
             lower[row], upper[row] = -DEFAULT_LIMIT, DEFAULT_LIMIT
             names.append(str(model.names[index]))
     return tuple(names)

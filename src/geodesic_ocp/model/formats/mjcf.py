@@ -1,30 +1,31 @@
-"""MJCF, the format of MuJoCo: read as a Pinocchio model, and written.
+"""MJCF, the format of MuJoCo, read as a Pinocchio model.
 
-Pinocchio reads a part of the format. What it ignores or interprets differently from MuJoCo is
-rewritten here (includes, default classes, several joints of a body, several bodies in the world,
-ranges of prismatic joints, torque limits), or rejected by name. Damping, friction and springs of
-joints are no part of a Model.
+Where mujoco is installed, its compiler reads the file (`compiled_mjcf`). Without it Pinocchio reads
+a part of the format. What it ignores or interprets differently from MuJoCo is rewritten here
+(includes, default classes, several joints of a body, several bodies in the world, ranges of
+prismatic joints and of joints with `ref`, torque limits), or rejected by name. Damping, friction
+and springs of joints are no part of a Model.
 """
 
 from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
-from collections import Counter, defaultdict
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.formats.urdf import Mimic, floats
-from geodesic_ocp.model.joints import frame_index, motion_subspace
-from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import as_capsule
+from geodesic_ocp.model.formats.compiled_mjcf import compiled_mjcf_model, coupled
+from geodesic_ocp.model.formats.file_model import FileModel, Mimic, check_depth, floats
+from geodesic_ocp.model.formats.mjcf_source import MjcfSource, installed_mujoco
+from geodesic_ocp.model.formats.mjcf_text import numbers_text
 
-# MuJoCo takes no moving body without inertia: [kg] and [kg m^2], below the accuracy of any result.
-_LEAST = 1e-12
 _ROOT = "world of bodies"
 # Elements, and attributes of <compiler>, that would change the model and are not supported.
 _ELEMENTS = ("attach", "replicate", "composite", "flexcomp", "frame")
@@ -39,160 +40,112 @@ _UNLIMITED = np.array([-np.inf, np.inf])
 _Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute -> value
 
 
-def mjcf_text(model: Model) -> str:
-    """Return the model as the text of an MJCF file, in the axes of its base.
-
-    Every joint with the links that move with it is a body with its inertia, armature and limits;
-    continuous joints have no limits. The links and the hand are sites, `Model.bodies` are geoms of
-    the group 3, and every joint has a motor with the torque limits of the model's file. A massless
-    link weighs 1e-12 kg.
-
-    Raises:
-        ValueError: a joint is a screw, or the collision geometry cannot be read.
-    """
-    native = model.pin
-    root = ET.Element("mujoco", model=model.name)
-    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ET.SubElement(root, "option", gravity=_text(native.gravity.linear))
-    names, bodies = _body_names(native), {0: ET.SubElement(root, "worldbody")}
-    for index in range(1, native.njoints):
-        placement = native.jointPlacements[index]
-        parent = bodies[native.parents[index]]
-        bodies[index] = ET.SubElement(parent, "body", {"name": names[index], **_pose(placement)})
-        _write_inertia(bodies[index], native.inertias[index])
-        _write_joint(bodies[index], model, index)
-    links = (frame for frame in native.frames if frame.type == pin.FrameType.BODY)
-    for name in dict.fromkeys([*(str(frame.name) for frame in links), model.hand]):
-        named = native.frames[frame_index(native, name)]
-        attributes = {"name": name, **_pose(named.placement)}
-        ET.SubElement(bodies[named.parentJoint], "site", attributes)
-    _write_geoms(model, bodies)
-    contact = ET.SubElement(root, "contact")  # MuJoCo excludes other neighbours by itself
-    for index in range(1, native.njoints):
-        if native.parents[index] == 0:
-            ET.SubElement(contact, "exclude", body1="world", body2=names[index])
-    actuators = ET.SubElement(root, "actuator")
-    torques = np.column_stack([native.lowerEffortLimit, native.upperEffortLimit])
-    for joint, limits in zip(model.joint_names, torques, strict=True):
-        motor = ET.SubElement(actuators, "motor", name=joint, joint=joint)
-        if np.all(np.isfinite(limits)):
-            motor.set("ctrlrange", _text(limits))
-    ET.indent(root)
-    return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _body_names(native: pin.Model) -> dict[int, str]:
-    """Return a unique name for the body of each joint: that of its link, or of the joint."""
-    names: dict[int, str] = {}
-    for frame in native.frames:
-        name = str(frame.name)
-        is_link = frame.type == pin.FrameType.BODY and frame.parentJoint > 0
-        if is_link and name != "world" and name not in names.values():
-            names.setdefault(int(frame.parentJoint), name)
-    for index in range(1, native.njoints):
-        names.setdefault(index, f"link of {native.names[index]}")
-    return names
-
-
-def _write_inertia(element: ET.Element, inertia: pin.Inertia) -> None:
-    moments, mass = np.array(inertia.inertia), repr(max(float(inertia.mass), _LEAST))
-    if inertia.mass < _LEAST or np.linalg.eigvalsh(moments)[0] < _LEAST:
-        moments = moments + _LEAST * np.eye(3)
-    entries = _text([*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2]])
-    ET.SubElement(element, "inertial", pos=_text(inertia.lever), mass=mass, fullinertia=entries)
-
-
-def _write_joint(element: ET.Element, model: Model, index: int) -> None:
-    native, name = model.pin, str(model.pin.names[index])
-    linear, angular = np.split(motion_subspace(native, index), 2)
-    if np.any(linear) and np.any(angular):
-        raise ValueError(f"joint {name!r} is a screw, which MJCF does not have")
-    row = native.joints[index].idx_v
-    kind, axis = ("hinge", angular) if np.any(angular) else ("slide", linear)
-    joint = ET.SubElement(element, "joint", name=name, type=kind, axis=_text(axis))
-    joint.set("armature", repr(float(native.armature[row])))
-    limits = [model.lower[row], model.upper[row]]
-    if name not in model.continuous and np.all(np.isfinite(limits)):
-        joint.set("range", _text(limits))
-
-
-def _write_geoms(model: Model, bodies: dict[int, ET.Element]) -> None:
-    seen = Counter[str]()
-    for body in map(as_capsule, model.bodies):
-        frame = model.pin.frames[frame_index(model.pin, str(body.link))]
-        start, end = (frame.placement.act(np.array(point)) for point in (body.start, body.end))
-        seen[str(body.link)] += 1
-        shape = {"type": "sphere", "pos": _text(start)}
-        if np.linalg.norm(end - start) > 1e-9:
-            shape = {"type": "capsule", "fromto": _text([*start, *end])}
-        name, size = f"{body.link}:{seen[str(body.link)]}", repr(float(body.radius))
-        attributes = {"name": name, "mass": "0", "group": "3", "size": size, **shape}
-        ET.SubElement(bodies[frame.parentJoint], "geom", attributes)
-
-
-def _pose(placement: pin.SE3) -> dict[str, str]:
-    x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
-    return {"pos": _text(placement.translation), "quat": _text([w, x, y, z])}
-
-
-def _text(values: ArrayLike) -> str:
-    return " ".join(repr(float(value)) for value in np.asarray(values, dtype=float))
-
-
-def mjcf_model(
-    root: ET.Element, name: str, folder: Path | None
-) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
-    """Return the model, its mimic joints (joint equalities), warnings, and the rewritten text.
+def mjcf_model(root: ET.Element, text: str, name: str, folder: Path | None) -> FileModel:
+    """Return the model in an MJCF, read by MuJoCo's compiler if it is installed.
 
     Args:
         root: the element <mujoco>; it is modified.
+        text: text of the file.
         name: name of the file, for messages.
         folder: folder in which included files are searched for.
 
     Raises:
-        ValueError: Pinocchio cannot read it, or would ignore parts that change the model.
+        ValueError: it cannot be read, or Pinocchio would ignore parts that change the model and
+            mujoco, which would not, is not installed.
     """
-    _include(root, name, folder, ())
+    title = root.get("model", name.rsplit(".", 1)[0])
+    if folder is None and (include := next(root.iter("include"), None)) is not None:
+        raise ValueError(f"{name} includes {include.get('file')!r}, which only a file can do")
+    if installed_mujoco() is None:
+        found = _pinocchio_model(root, name, folder)
+    else:
+        found = compiled_mjcf_model(MjcfSource(text, name, folder))
+    found.pin.name = title
+    return found
+
+
+def _pinocchio_model(root: ET.Element, name: str, folder: Path | None) -> FileModel:
+    """Return the model, as Pinocchio reads the rewritten text."""
+    if folder is not None:
+        _include(root, name, folder, ())
+        check_depth(root, name)
     _merge_sections(root)
     _apply_defaults(root, name)
     _reject_unsupported(root, name)
+    references = _references(root, name)
     _rewrite(root, name)
-    with tempfile.TemporaryDirectory() as scratch:
-        written = Path(scratch) / "model.xml"
-        ET.ElementTree(root).write(written, encoding="utf-8")
-        try:
-            model = pin.buildModelFromMJCF(str(written))
-        except Exception as error:
-            reason = str(error).replace(str(written), name)
-            raise ValueError(f"{name} is not an MJCF that Pinocchio can read: {reason}") from None
-    for option in root.iterfind("option"):
-        if gravity := option.get("gravity"):
-            model.gravity = pin.Motion(np.array(gravity.split(), dtype=float), np.zeros(3))
-    model.name = root.get("model", name.rsplit(".", 1)[0])
-    for driven, (lower, upper) in _effort_limits(root, name).items():
-        if model.existJointName(driven):
-            row = model.joints[model.getJointId(driven)].idx_v
-            model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
-    mimics, warnings = _equalities(root, name)
     if folder is not None:  # the text can be read from any folder
         compiler = root.find("compiler")
         if compiler is None:
             compiler = ET.SubElement(root, "compiler")
         meshes = compiler.get("meshdir", compiler.get("assetdir", ""))
         compiler.set("meshdir", str(folder.absolute() / meshes))
-    return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
+    text = ET.tostring(root, encoding="unicode")
+    with _written(text) as file:
+        try:
+            model = pin.buildModelFromMJCF(file)
+        except Exception as error:
+            reason = str(error).replace(file, name)
+            raise ValueError(f"{name} is not an MJCF that Pinocchio can read: {reason}") from None
+    for option in root.iterfind("option"):
+        if gravity := option.get("gravity"):
+            model.gravity = pin.Motion(np.array(gravity.split(), dtype=float), np.zeros(3))
+    for joint, reference in references.items():
+        # Pinocchio's coordinate is MuJoCo's qpos, but it subtracts `ref` from the range.
+        row = model.joints[model.getJointId(joint)].idx_q
+        model.lowerPositionLimit[row] += reference
+        model.upperPositionLimit[row] += reference
+    for driven, (lower, upper) in _effort_limits(root, name).items():
+        if model.existJointName(driven):
+            row = model.joints[model.getJointId(driven)].idx_v
+            model.lowerEffortLimit[row] = lower
+            model.upperEffortLimit[row] = upper
+    mimics, warnings = _equalities(root, references, name)
+    return FileModel(model, partial(_geometry, model, text, name), mimics, tuple(warnings))
 
 
-def _include(
-    element: ET.Element, name: str, folder: Path | None, including: tuple[Path, ...]
-) -> None:
+@contextmanager
+def _written(text: str) -> Iterator[str]:
+    """Yield the path of a file with this text, which exists meanwhile."""
+    with tempfile.TemporaryDirectory() as scratch:
+        file = Path(scratch) / "model.xml"
+        file.write_text(text, encoding="utf-8")
+        yield str(file)
+
+
+def _geometry(model: pin.Model, text: str, name: str, kind: pin.GeometryType) -> pin.GeometryModel:
+    """Return the geometry of the links as Pinocchio reads it.
+
+    Raises:
+        ValueError: a mesh is moved or turned.
+    """
+    for mesh in ET.fromstring(text).iterfind("asset/mesh"):
+        if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
+            raise ValueError(f"{name}: refpos and refquat of a mesh are not supported")
+    with _written(text) as file:
+        return pin.buildGeomFromMJCF(model, file, kind)
+
+
+def _references(root: ET.Element, name: str) -> dict[str, float]:
+    """Return `ref` [rad or m] of the hinges and slides that have one, by name."""
+    degrees = _in_degrees(root)
+    found: dict[str, float] = {}
+    for joint in root.iter("joint"):
+        kind = joint.get("type", "hinge")
+        if kind not in ("hinge", "slide") or joint.get("ref") is None:
+            continue
+        label = joint.get("name", "")
+        (value,) = _numbers(joint.get("ref", ""), 1, f"{name}: ref of joint {label!r}")
+        found[label] = float(np.deg2rad(value)) if degrees and kind == "hinge" else value
+    return found
+
+
+def _include(element: ET.Element, name: str, folder: Path, including: tuple[Path, ...]) -> None:
     """Replace <include file="..."/> by the contents of the file."""
     for index, child in reversed(list(enumerate(element))):
         if child.tag != "include":
             _include(child, name, folder, including)
             continue
-        if folder is None:
-            raise ValueError(f"{name} includes {child.get('file')!r}, which only a file can do")
         file = folder / child.get("file", "")
         if file in including:
             raise ValueError(f"{name} includes {file.name} in itself")
@@ -201,6 +154,7 @@ def _include(
         except (OSError, ET.ParseError) as error:
             what = f"{name} includes {file.name}, which cannot be read"
             raise ValueError(f"{what}: {error}") from None
+        check_depth(included, file.name)
         _include(included, name, folder, (*including, file))
         element[index : index + 1] = list(included)
 
@@ -254,47 +208,54 @@ def _apply_defaults(root: ET.Element, name: str) -> None:
 
 
 def _reject_unsupported(root: ET.Element, name: str) -> None:
-    for tag in _ELEMENTS:
-        if next(root.iter(tag), None) is not None:
-            raise ValueError(f"{name} has a <{tag}>, which is not supported")
-    for compiler in root.iterfind("compiler"):
-        for key in _COMPILER:
-            if compiler.get(key, "0") not in ("0", "false", "-1", "0 5"):
-                raise ValueError(f"{name}: {key} of <compiler> is not supported")
-        if compiler.get("coordinate", "local") != "local":
-            raise ValueError(f"{name}: global coordinates are not supported")
-        if not compiler.get("eulerseq", "xyz").islower():
-            raise ValueError(f"{name}: eulerseq with capitals, about fixed axes, is not supported")
-        if compiler.get("inertiafromgeom") == "true" and next(root.iter("inertial"), None):
-            given = "inertiafromgeom in place of given <inertial>s"
-            raise ValueError(f"{name}: {given} is not supported")
     for joint in root.iter("joint"):
         if (kind := joint.get("type", "hinge")) not in _JOINTS:
             raise ValueError(f"{name}: joint {joint.get('name')!r} is of the unknown type {kind!r}")
+    for what in _unsupported(root):
+        advice = "is not supported without MuJoCo: pip install 'geodesic_ocp[mujoco]'"
+        raise ValueError(f"{name}: {what} {advice}")
+
+
+def _unsupported(root: ET.Element) -> Iterator[str]:
+    """Yield what Pinocchio would ignore, although it changes the model."""
+    for tag in _ELEMENTS:
+        if next(root.iter(tag), None) is not None:
+            yield f"<{tag}>"
+    for compiler in root.iterfind("compiler"):
+        for key in _COMPILER:
+            if compiler.get(key, "0") not in ("0", "false", "-1", "0 5"):
+                yield f"{key} of <compiler>"
+        if compiler.get("coordinate", "local") != "local":
+            yield "coordinate of <compiler>"
+        if not compiler.get("eulerseq", "xyz").islower():
+            yield "eulerseq with capitals, about fixed axes,"
+        is_stated = next(root.iter("inertial"), None) is not None
+        if is_stated and compiler.get("inertiafromgeom") == "true":
+            yield "inertiafromgeom in place of given <inertial>s"
+    for section in ("actuator", "tendon"):
+        for element in root.iterfind(f"{section}/*"):
+            if element.get("armature", "0") != "0":
+                yield f"armature of the <{element.tag}> {element.get('name')!r}"
     for body in root.iter("body"):
-        location = f"{name}: body {body.get('name')!r}"
         meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
         heavy = [geom for geom in meshes if not {geom.get("mass"), geom.get("density")} & {"0"}]
         if heavy and body.find("inertial") is None:
-            what = "has the inertia of a mesh, which is not supported: give <inertial>"
-            raise ValueError(f"{location} {what}")
+            yield f"the inertia of a mesh of body {body.get('name')!r}, which has no <inertial>,"
 
 
 def _rewrite(root: ET.Element, name: str) -> None:
-    compiler = root.find("compiler")
-    degrees = compiler is None or compiler.get("angle", "degree") == "degree"
+    degrees = _in_degrees(root)
     for element in root.iter():
         if (given := element.get("axisangle")) is not None:
             *axis, angle = _numbers(given, 4, f"{name}: axisangle")
             length = float(np.linalg.norm(axis)) or 1.0
-            element.set("axisangle", _text([*(number / length for number in axis), angle]))
+            element.set("axisangle", numbers_text([*(number / length for number in axis), angle]))
         if element.tag == "joint" and element.get("limited") == "false":
             element.attrib.pop("range", None)  # Pinocchio would apply it
-        if degrees and element.tag == "joint" and element.get("type") == "slide":
-            location = f"{name}: range of joint {element.get('name')!r}"
-            # Pinocchio reads it as degrees.
-            metres = _numbers(element.get("range", "0 0"), 2, location)
-            element.set("range", _text(np.rad2deg(metres)))
+        is_slide = element.tag == "joint" and element.get("type") == "slide"
+        if degrees and is_slide and (given := element.get("range")) is not None:
+            metres = _numbers(given, 2, f"{name}: range of joint {element.get('name')!r}")
+            element.set("range", numbers_text(np.rad2deg(metres)))  # Pinocchio reads degrees
     world = root.find("worldbody")
     if world is None or world.find("body") is None:
         raise ValueError(f"{name} has no <body>")
@@ -304,6 +265,11 @@ def _rewrite(root: ET.Element, name: str) -> None:
     world[:] = [whole]
     for body in list(root.iter("body")):
         _give_each_joint_a_body(body)
+
+
+def _in_degrees(root: ET.Element) -> bool:
+    compiler = root.find("compiler")
+    return compiler is None or compiler.get("angle", "degree") == "degree"
 
 
 def _numbers(text: str, count: int, location: str) -> list[float]:
@@ -395,8 +361,12 @@ def _first(element: ET.Element, key: str, location: str) -> float:
     return _numbers(element.get(key, "1"), 0, f"{location}: {key}")[0]
 
 
-def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str]]:
-    mimics, warnings = {}, []
+def _equalities(
+    root: ET.Element, references: Mapping[str, float], name: str
+) -> tuple[dict[str, Mimic], list[str]]:
+    """Return mimic joints, from equalities of joints, and warnings about other equalities."""
+    mimics: dict[str, Mimic] = {}
+    warnings: list[str] = []
     for equality in root.iterfind("equality/*"):
         if equality.get("active", "true") == "false":
             continue
@@ -404,14 +374,13 @@ def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str
             names = [equality.get(key, "") for key in ("body1", "body2") if equality.get(key)]
             warnings.append(f"{name}: the <{equality.tag}> of {' and '.join(names)} is ignored")
             continue
-        joint, leader = equality.get("joint1", ""), equality.get("joint2")
+        joint = equality.get("joint1", "")
+        leader = equality.get("joint2")
         location = f"{name}: the equality of joint {joint!r}"
         coefficients = _numbers(equality.get("polycoef", "0 1"), 0, f"{location}: polycoef")
-        offset, multiplier, *higher = (*coefficients, 0.0, 0.0)
         if leader is None:
             warnings.append(f"{location} with a constant is ignored")
             continue
-        if any(higher):
-            raise ValueError(f"{location} with {leader!r} is not linear, which is not supported")
-        mimics[joint] = Mimic(leader, multiplier, offset)
+        zeros = [references.get(each, 0.0) for each in (joint, leader)]
+        mimics[joint] = coupled(leader, coefficients, references=zeros, location=location)
     return mimics, warnings

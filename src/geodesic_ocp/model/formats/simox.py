@@ -74,8 +74,9 @@ def simox_model(root: ET.Element, name: str, height: float | None, mass: float |
     model = pin.Model()
     model.name = name.rsplit(".", 1)[0]
     seen = set()
-
-    def add(node: str, parent: _Node) -> None:
+    waiting: list[tuple[str, _Node]] = [(start, (0, 0, pin.SE3.Identity()))]  # the next one last
+    while waiting:
+        node, parent = waiting.pop()
         if node in seen:
             raise ValueError(f"{name}: node {node!r} is reached twice")
         seen.add(node)
@@ -83,12 +84,11 @@ def simox_model(root: ET.Element, name: str, height: float | None, mass: float |
             added = _add_node(model, nodes[node], parent, units)
         except ValueError as error:
             raise ValueError(f"{name}: node {node!r}: {error}") from None
-        for child in nodes[node].iterfind("child"):
-            if (behind := child.get("name", "")) not in nodes:
-                raise ValueError(f"{name}: node {node!r} has an unknown child {behind!r}")
-            add(behind, added)
-
-    add(start, (0, 0, pin.SE3.Identity()))
+        children = [child.get("name", "") for child in nodes[node].iterfind("child")]
+        for child in reversed(children):
+            if child not in nodes:
+                raise ValueError(f"{name}: node {node!r} has an unknown child {child!r}")
+            waiting.append((child, added))
     return model
 
 

@@ -9,49 +9,36 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from graphlib import CycleError, TopologicalSorter
+from copy import deepcopy
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
+from geodesic_ocp.model.formats.file_model import FileModel, Mimic
+from geodesic_ocp.model.formats.urdf_geometry import urdf_geometry
+from geodesic_ocp.model.formats.urdf_parser import Parsed, parsed
+from geodesic_ocp.model.formats.urdf_tree import (
+    check_tree,
+    complete_tree,
+    not_negative,
+    number,
+)
+
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 # <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.
 _VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
-# The parser of URDF rejects the element unless it has one of its standard attributes.
-_DYNAMICS = re.compile(r"<dynamics\b(?![^>]*\b(?:damping|friction)\b)")
 
 
-@dataclass(frozen=True)
-class Mimic:
-    """A joint that mimics another: q = multiplier * leader + offset."""
+def urdf_model(root: ET.Element, text: str, name: str, folder: Path | None) -> FileModel:
+    """Return the model in a URDF.
 
-    leader: str
-    multiplier: float
-    offset: float
-
-
-def apply_mimics(mimics: Mapping[str, Mimic], values: dict[str, float]) -> None:
-    """Set the values of mimic joints from those of their leaders, which may mimic others.
-
-    Raises:
-        ValueError: joints mimic each other in a cycle.
-    """
-    leaders = {name: [mimic.leader] for name, mimic in mimics.items()}
-    try:
-        order = [*TopologicalSorter(leaders).static_order()]
-    except CycleError as error:
-        raise ValueError(f"joints mimic each other: {' and '.join(error.args[1][1:])}") from None
-    for name in order:
-        if (mimic := mimics.get(name)) is not None:
-            values[name] = mimic.multiplier * values[mimic.leader] + mimic.offset
-
-
-def urdf_model(
-    root: ET.Element, text: str, name: str
-) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
-    """Return the model, its mimic joints, warnings, and the repaired text.
+    Args:
+        root: its root element.
+        text: text of the file.
+        name: name of the file, for messages.
+        folder: folder of the file.
 
     Raises:
         ValueError: Pinocchio cannot read it, or a joint is invalid; names the location, if known.
@@ -66,44 +53,51 @@ def urdf_model(
         if len(match.group(3).split()) != 3 and match.group(3).count(",") != 2:
             raise ValueError(f"{name}, line {line}: {match.group()} is not three numbers")
         warnings.append(f"{name}, line {line}: the comma in {match.group()} is read as a space")
-    _check(root, name)
-    text = _VECTOR.sub(lambda m: m.group().replace(",", " "), text)
-    text = _DYNAMICS.sub('<dynamics damping="0"', text)
-    try:
-        model = pin.buildModelFromXML(text)
-    except Exception as error:
-        raise ValueError(f"{name} is not a URDF that Pinocchio can read: {error}") from None
-    set_armature(model, urdf_armature(root, name))
-    moving = [joint for joint in root.iter("joint") if joint.get("name") in model.names]
-    warnings += _zero_range_warnings(moving, name)
+    tree = ET.fromstring(_VECTOR.sub(lambda m: m.group().replace(",", " "), text))
+    check_tree(tree, name)
+    immovable = complete_tree(tree, name)
+    text = ET.tostring(tree, encoding="unicode")
+    found = _parsed(tree, name)
+    model = found.value
+    for joint in immovable:
+        row = model.joints[model.getJointId(joint)].idx_q
+        model.lowerPositionLimit[row] = -np.inf
+        model.upperPositionLimit[row] = np.inf
+    set_armature(model, urdf_armature(tree, name))
+    moving = [joint for joint in tree.iter("joint") if joint.get("name") in model.names]
+    limited = [joint for joint in moving if joint.get("name") not in immovable]
+    if found.messages:
+        warnings.append(f"{name}: {'; '.join(found.messages)}")
+    warnings += _zero_range_warnings(limited, name)
     mimics = _mimics(moving, name)
     lost = [joint for joint, mimic in mimics.items() if mimic.leader not in model.names]
     for joint in lost:
         leader = mimics.pop(joint).leader
         warnings.append(f"{name}: joint {joint!r} mimics {leader!r}, which is not a moving joint")
-    return model, mimics, tuple(warnings), text
+    return FileModel(
+        model,
+        geometry=partial(urdf_geometry, model, text, folder),
+        mimics=mimics,
+        warnings=tuple(warnings),
+        immovable=immovable,
+    )
 
 
-def _check(root: ET.Element, name: str) -> None:
-    if not root.get("name"):
-        raise ValueError(f"{name}: <robot> has no name")
-    for joint in root.iterfind("joint"):
-        if joint.get("type") == "fixed":
-            continue
-        location = f"{name}: joint {joint.get('name')!r}"
-        limit, axis = joint.find("limit"), joint.find("axis")
-        if limit is None and joint.get("type") in ("revolute", "prismatic"):
-            raise ValueError(f"{location} is {joint.get('type')} and has no <limit>")
-        if limit is not None:
-            lower, upper = (_number(limit, key, 0.0, location) for key in ("lower", "upper"))
-            if lower > upper:
-                what = f"its lower limit {lower:g} lies above the upper {upper:g}"
-                raise ValueError(f"{location}: {what}")
-        numbers = [] if axis is None else floats(axis.get("xyz", "1 0 0").replace(",", " "))
-        if numbers and not any(numbers):  # what else is wrong with it Pinocchio reports
-            raise ValueError(f"{location}: its axis is zero")
-    for mass in root.iterfind("link/inertial/mass"):
-        _number(mass, "value", 0.0, f"{name}: a link's mass")
+def _parsed(tree: ET.Element, name: str) -> Parsed[pin.Model]:
+    """Return the model as Pinocchio reads it, and the errors that did not keep it from doing so.
+
+    Raises:
+        ValueError: Pinocchio cannot read it, with the reasons.
+    """
+    bare = deepcopy(tree)  # geometry is read when it is needed
+    for link in bare.iterfind("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+    text = ET.tostring(bare, encoding="unicode")
+    try:
+        return parsed(lambda: pin.buildModelFromXML(text))
+    except ValueError as error:
+        raise ValueError(f"{name} is not a URDF that Pinocchio can read: {error}") from None
 
 
 def _zero_range_warnings(joints: list[ET.Element], name: str) -> Iterator[str]:
@@ -122,32 +116,10 @@ def _mimics(joints: list[ET.Element], name: str) -> dict[str, Mimic]:
         if (mimic := joint.find("mimic")) is not None:
             location = f"{name}: the mimic of joint {joint.get('name')!r}"
             leader = mimic.get("joint", "")
-            multiplier = _number(mimic, "multiplier", 1.0, location)
-            offset = _number(mimic, "offset", 0.0, location)
+            multiplier = number(mimic, "multiplier", 1.0, location)
+            offset = number(mimic, "offset", 0.0, location)
             mimics[joint.get("name", "")] = Mimic(leader, multiplier, offset)
     return mimics
-
-
-def _number(element: ET.Element, key: str, default: float, location: str) -> float:
-    text = element.get(key, str(default))
-    if len(numbers := floats(text)) != 1:
-        raise ValueError(f"{location}: {key} is {text!r}, not a number")
-    return numbers[0]
-
-
-def _not_negative(element: ET.Element, key: str, location: str) -> float:
-    text = element.get(key)
-    if len(numbers := floats(text)) != 1 or not 0.0 <= numbers[0] < np.inf:
-        raise ValueError(f"{location} must be a number >= 0, is {text!r}")
-    return numbers[0]
-
-
-def floats(text: str | None) -> list[float]:
-    """Return the numbers in a text; none if one of its words is not a number."""
-    try:
-        return [float(word) for word in (text or "").split()]
-    except ValueError:
-        return []
 
 
 def urdf_armature(root: ET.Element, name: str) -> dict[str, float]:
@@ -168,16 +140,16 @@ def urdf_armature(root: ET.Element, name: str) -> dict[str, float]:
             if "rotor_inertia" not in values or not joints:
                 continue
             location = f"{name}: the actuator of joint {joints[0]!r}"
-            rotor = _not_negative(values["rotor_inertia"], "value", f"{location}: rotor_inertia")
+            rotor = not_negative(values["rotor_inertia"], "value", f"{location}: rotor_inertia")
             ratio = 1.0
             if "gear_ratio" in values:
-                ratio = _not_negative(values["gear_ratio"], "value", f"{location}: gear_ratio")
+                ratio = not_negative(values["gear_ratio"], "value", f"{location}: gear_ratio")
             found[joints[0]] = found.get(joints[0], 0.0) + ratio**2 * rotor
     for joint in root.iterfind("joint"):
         dynamics = joint.find("dynamics")
         if dynamics is not None and dynamics.get("armature") is not None:
             location = f"{name}: joint {joint.get('name')!r}"
-            found[joint.get("name", "")] = _not_negative(
+            found[joint.get("name", "")] = not_negative(
                 dynamics, "armature", f"{location}: armature"
             )
     return found
@@ -198,8 +170,8 @@ def srdf_armature(urdf: Path) -> dict[str, float]:
     for file, root in _srdf_files(urdf):
         for joint in root.iterfind("rotor_params/joint"):
             location = f"{file.name}: rotor_params of joint {joint.get('name')!r}"
-            rotor = _not_negative(joint, "mass", f"{location}: mass")
-            ratio = _not_negative(joint, "gear_ratio", f"{location}: gear_ratio")
+            rotor = not_negative(joint, "mass", f"{location}: mass")
+            ratio = not_negative(joint, "gear_ratio", f"{location}: gear_ratio")
             found.setdefault(joint.get("name", ""), ratio**2 * rotor)
     return found
 
