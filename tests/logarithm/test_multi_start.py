@@ -55,7 +55,10 @@ def test_goals_a_period_away_are_the_same_point() -> None:
     assert_allclose([path.velocity for path in found], helices, rtol=0, atol=1e-9)
     assert_allclose(found[0](1.0), goal - period, rtol=0, atol=1e-9)
     assert_allclose(go.log(Cylinder(), start, goal, num_starts=3), helices[0], rtol=0, atol=1e-9)
-    assert_allclose(go.log(Cylinder(), start, goal), helices[1], rtol=0, atol=1e-9)
+    assert_allclose(go.log(Cylinder(), start, goal), helices[0], rtol=0, atol=1e-9)
+    assert_allclose(go.log(Cylinder(), start, goal, wrap=False), helices[1], rtol=0, atol=1e-9)
+    (only,) = go.geodesics(Cylinder(), start, goal, num_starts=3, wrap=False)
+    assert_allclose(only.velocity, helices[1], rtol=0, atol=1e-9)
 
 
 def test_continuous_joints_take_the_shorter_rotation() -> None:

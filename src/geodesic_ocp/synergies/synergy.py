@@ -198,7 +198,8 @@ def reconstruct(
     speed = speeds(metric, motion)
     synergies: list[Synergy] = []
     for start, stop in segments:
-        path = geodesic(metric, motion.q[start], motion.q[stop])
+        # Continuous joints turn the way that was recorded, also the longer one.
+        path = geodesic(metric, motion.q[start], motion.q[stop], wrap=False)
         law = law_of_segment(motion, speed, path.length, start, stop)
         synergies.append(Synergy(start, stop, float(motion.time[start]), path, law))
         if progress is not None:
