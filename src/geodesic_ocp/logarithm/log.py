@@ -190,9 +190,11 @@ def find_shortest(
     goals = near_images(metric, start, goal) if wrap else [goal]
     if count == 1:
         return _straight_line(metric, start, goals, solver)
-    given = {"num_starts": count, "seed": seed, "solver": solver, "wrap": wrap}
+    every = partial(
+        find_geodesics, metric, start, goal, num_starts=count, seed=seed, solver=solver, wrap=wrap
+    )
     if metric.has_constant_tensor or are_nearby(start, goals[0]):
-        return find_geodesics(metric, start, goal, **given)[0]
+        return every()[0]
     offsets = [np.zeros(metric.dim)] * len(goals)
     for number in range(count - 1):
         if number % 2 == 0:
@@ -204,7 +206,7 @@ def find_shortest(
             offsets.append(-offsets[-1])
     found = _from_offsets(metric, start, np.array(goals), np.array(offsets), solver)
     if not found:
-        return find_geodesics(metric, start, goal, **given)[0]
+        return every()[0]
     return _shortest(metric, found)
 
 
