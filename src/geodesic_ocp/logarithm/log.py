@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -29,8 +30,10 @@ from geodesic_ocp.logarithm.by_newton import (
     find_by_newton,
     find_by_shooting,
     find_many_by_newton,
+    traversed_backwards,
 )
 from geodesic_ocp.logarithm.images import all_images, near_images
+from geodesic_ocp.manifold.kernels import LogMaps
 from geodesic_ocp.manifold.metric import Metric, as_metric, in_threads, over_rows
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -86,12 +89,12 @@ def _logs(
                     goals += near
         if not rows:
             return {}
-        velocities = find_many_by_newton(metric, np.array(starts), np.array(goals))
-        if velocities is None:
+        every = find_many_by_newton(metric, np.array(starts), np.array(goals))
+        if every is None:
             return {}
         found: dict[int, list[ConnectingGeodesic]] = {}
         failed: set[int] = set()
-        for row, start, goal, velocity in zip(rows, starts, goals, velocities, strict=True):
+        for row, start, goal, velocity in zip(rows, starts, goals, every.velocities, strict=True):
             if np.all(np.isfinite(velocity)):
                 found.setdefault(row, []).append(ConnectingGeodesic(start, goal, velocity))
             elif row not in found:  # its first image, to which the row itself searches thoroughly
@@ -238,23 +241,45 @@ def _shortest(metric: Metric, found: list[ConnectingGeodesic]) -> ConnectingGeod
 def _from_offsets(
     metric: Metric, start: Array, goals: Array, offsets: Array, solver: str
 ) -> list[ConnectingGeodesic]:
-    """Return geodesics to which paths to goals (k, n) lead, whose middles have offsets (k, n)."""
+    """Return geodesics to which paths to goals (k, n) lead, whose middles have offsets (k, n).
+
+    Where geodesics diverge towards one end, only the integration from the other end may succeed:
+    paths that led to none are tried from there, so that both directions find the same geodesics.
+    """
+    forwards = _along_paths(metric, start, goals, offsets, solver)
+    known = np.isfinite(forwards.velocities).all(axis=1)
+    found = [
+        ConnectingGeodesic(start, goal, velocity)
+        for goal, velocity in zip(goals[known], forwards.velocities[known], strict=True)
+    ]
+    failed = ~known & ~forwards.given_up
+    if np.any(failed):
+        # All from the same image of the goal, to images of the start.
+        images = start + goals[0] - goals[failed]
+        backwards = _along_paths(metric, goals[0], images, offsets[failed], solver)
+        for goal, velocity in zip(goals[failed], backwards.velocities, strict=True):
+            if np.all(np.isfinite(velocity)):
+                with suppress(NotConverged):
+                    found.append(traversed_backwards(metric, start, goal, velocity))
+    return found
+
+
+def _along_paths(
+    metric: Metric, start: Array, goals: Array, offsets: Array, solver: str
+) -> LogMaps:
+    """Return velocities of the geodesics near paths to goals (k, n), see `_from_offsets`."""
     if solver == "newton" and metric.kernels.available():
-        starts = np.tile(start, (len(goals), 1))
-        velocities = find_many_by_newton(metric, starts, goals, offsets)
-        if velocities is not None:
-            return [
-                ConnectingGeodesic(start, goal, velocity)
-                for goal, velocity in zip(goals, velocities, strict=True)
-                if np.all(np.isfinite(velocity))
-            ]
-    found = []
-    for goal, offset in zip(goals, offsets, strict=True):
+        found = find_many_by_newton(metric, np.tile(start, (len(goals), 1)), goals, offsets)
+        if found is not None:
+            return found
+    velocities = np.full(goals.shape, np.nan)
+    for number, (goal, offset) in enumerate(zip(goals, offsets, strict=True)):
         with suppress(NotConverged, ValueError):
             line = start + _GRID.nodes[:, None] * (goal - start)
             guess = Path(metric, _GRID, line + bulge(_GRID) * offset)
-            found.append(find_from_path(metric, start, goal, guess, solver, thorough=False))
-    return found
+            one = find_from_path(metric, start, goal, guess, solver, thorough=False)
+            velocities[number] = one.velocity
+    return LogMaps(velocities, np.zeros(len(goals), dtype=bool))
 
 
 def find_geodesics(
@@ -290,7 +315,7 @@ def find_geodesics(
         try:
             if number < len(goals):
                 first = number == 0
-                new = find_from_path(metric, start, goals[number], None, solver, thorough=first)
+                new = _from_either_end(metric, start, goals[number], None, solver, thorough=first)
             elif (number - len(goals)) % 3 < 2 or not found:
                 if (number - len(goals)) % 3 == 0:
                     goal = goals[int(rng.integers(len(goals)))]
@@ -300,7 +325,7 @@ def find_geodesics(
                 line = start + _GRID.nodes[:, None] * (goal - start)
                 middle = np.linalg.norm(goal - start) * offset
                 guess = Path(metric, _GRID, line + bulge(_GRID) * middle)
-                new = find_from_path(metric, start, goal, guess, solver, thorough=False)
+                new = _from_either_end(metric, start, goal, guess, solver, thorough=False)
             else:
                 near = found[int(rng.integers(len(found)))]
                 goal, change = near.q1, _random_direction(metric, rng, _PERTURBATION, near)
@@ -326,6 +351,24 @@ def find_geodesics(
             getattr(failures[0], "solution", None),
         )
     return sorted(found, key=lambda each: float(metric.norm(start, each.velocity)))
+
+
+def _from_either_end(
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, solver: str, *, thorough: bool
+) -> ConnectingGeodesic:
+    """Return the geodesic near a path that `find_from_path` finds from q0, or else from q1.
+
+    Raises:
+        NotConverged, ValueError: that of `find_from_path` from q0.
+    """
+    try:
+        return find_from_path(metric, q0, q1, guess, solver, thorough=thorough)
+    except NotConverged as failure:
+        back = None if guess is None else replace(guess, nodes=guess.nodes[::-1])
+        with suppress(NotConverged):
+            other = find_from_path(metric, q1, q0, back, solver, thorough=thorough)
+            return traversed_backwards(metric, q0, q1, other.velocity)
+        raise failure
 
 
 def find_from_path(
