@@ -180,8 +180,9 @@ def find_shortest(
 ) -> ConnectingGeodesic:
     """Return the shortest of the geodesics to which `num_starts` initial paths lead.
 
-    They are straight lines to the images of the goal that may be nearest, all of which count as one
-    start, then paths through random waypoints, each followed by the one on the other side.
+    Straight lines to the images of the goal that are probably nearest count as one start together.
+    Of the others, up to half are straight lines to further images; then follow paths through random
+    waypoints, each followed by the one on the other side.
 
     Raises:
         ValueError, NotConverged: see `find_geodesics`.
@@ -190,16 +191,18 @@ def find_shortest(
     start, goal = metric.point("q0", q0), metric.point("q1", q1)
     count = as_integer("num_starts", num_starts, 1)
     rng = np.random.default_rng(as_integer("seed", seed, 0))
-    goals = near_images(metric, start, goal) if wrap else [goal]
+    near = near_images(metric, start, goal) if wrap else [goal]
     if count == 1:
-        return _straight_line(metric, start, goals, solver)
+        return _straight_line(metric, start, near, solver)
     every = partial(
         find_geodesics, metric, start, goal, num_starts=count, seed=seed, solver=solver, wrap=wrap
     )
-    if metric.has_constant_tensor or are_nearby(start, goals[0]):
+    if metric.has_constant_tensor or are_nearby(start, near[0]):
         return every()[0]
+    images = all_images(metric, start, goal) if wrap else near
+    goals = images[: max(len(near), count // 2)]
     offsets = [np.zeros(metric.dim)] * len(goals)
-    for number in range(count - 1):
+    for number in range(count - 1 - (len(goals) - len(near))):
         if number % 2 == 0:
             goals.append(goals[int(rng.integers(len(goals)))])
             size = np.linalg.norm(goals[-1] - start)
@@ -208,9 +211,10 @@ def find_shortest(
             goals.append(goals[-1])
             offsets.append(-offsets[-1])
     found = _from_offsets(metric, start, np.array(goals), np.array(offsets), solver)
-    if not found:
-        return every()[0]
-    return _shortest(metric, found)
+    # Starts are given up on coarse grids: several are never worse than one, if that is among them.
+    with suppress(NotConverged, ValueError):
+        found.append(_straight_line(metric, start, near, solver))
+    return _shortest(metric, found) if found else every()[0]
 
 
 def _straight_line(

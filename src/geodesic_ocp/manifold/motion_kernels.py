@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 # Functions of a segment that meet (1, 0, 0, 0), ... in value and slope at its two ends.
 _HERMITE = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])
 _BUBBLE = Polynomial([0, 0, 1, -2, 1])  # vanishes at both ends with its slope
+# Displacements that do not count: of the motion's own (knots meet to ten times as much), and in
+# units of the coordinates' rounding.
+_RESOLVED, _ULPS = 1e-10, 100.0
 
 
 def motion_functions(metric: Metric) -> dict[str, ca.Function]:
@@ -233,7 +236,8 @@ class MotionKernels(Kernels):
         action, steps = c_double(), c_long()
         gradients, hessians = np.empty((count, 4 * n)), np.empty((count, 4 * n, 4 * n))
         pointers = (ctypes.c_void_p(each.ctypes.data) for each in (free, memory, flags))
-        given = byref(blas()), levels, number, parts, durations, tension
+        rounding = self._rounding(durations, knots)
+        given = byref(blas()), levels, number, parts, durations, tension, rounding
         results = byref(action), gradients, hessians, byref(steps)
         with one_blas_thread:
             status = self._call("find_motion", *given, *pointers, x, *results)
@@ -249,6 +253,18 @@ class MotionKernels(Kernels):
             gradients,
             hessians,
         )
+
+    def _rounding(self, durations: Array, knots: Array) -> float:
+        """Return changes of the action that do not count, also where the least action vanishes.
+
+        A displacement d within a time h has an action of the order of G d^2 / h^3. Displacements
+        count down to a fraction of the motion's own, and to the rounding of the coordinates.
+        """
+        n = self._dim
+        mean = float(durations.mean())
+        moved = np.ptp(knots[:, :n], axis=0) + mean * np.abs(knots[:, n:]).max(axis=0)
+        least = _RESOLVED * moved.max() + _ULPS * np.finfo(float).eps * np.abs(knots[:, :n]).max()
+        return float(np.trace(self._metric.matrix(knots[0, :n])) * least**2 / mean**3)
 
     def states(
         self, start: Array, times: Array, tension: float, tolerance: float, max_steps: int
