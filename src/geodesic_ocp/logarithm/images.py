@@ -20,9 +20,6 @@ from geodesic_ocp.manifold.metric import Metric, speeds_at
 # geodesic was that of a line at most 1.23 times as long as the shortest, on 99 % at most 1.16.
 LONGER = 1.25
 _MAX_PERIODIC = 6  # coordinates of which images one period to either side are tried
-_EQUAL = 1e-6  # relative, of the metric's entries a period apart
-# Gauss's rule on [0, 1]: inertia matrices along one and a half revolutions have three waves.
-_POINTS, _WEIGHTS = (np.polynomial.legendre.leggauss(8) + np.array([[1.0], [0.0]])) / 2.0
 
 
 def near_images(metric: Metric, q0: Array, q1: Array) -> list[Array]:
@@ -107,11 +104,13 @@ def _line_lengths(metric: Metric, q0: Array, images: Array) -> Array:
     """Return lengths of the straight lines from q0 to images (k, n); infinite if a line leaves the
     metric's domain.
     """
+    # Gauss's rule: inertia matrices along one and a half revolutions have three waves.
+    points, weights = np.polynomial.legendre.leggauss(8)
     change = images - q0
-    points = q0 + _POINTS[:, None] * change[:, None]
-    velocities = np.repeat(change, _POINTS.size, axis=0)
-    speeds = speeds_at(metric, points.reshape(velocities.shape), velocities)
-    lengths = speeds.reshape(-1, _POINTS.size) @ _WEIGHTS
+    positions = (q0 + images)[:, None] / 2.0 + points[:, None] / 2.0 * change[:, None]
+    velocities = np.repeat(change, points.size, axis=0)
+    speeds = speeds_at(metric, positions.reshape(velocities.shape), velocities)
+    lengths = speeds.reshape(-1, points.size) @ weights / 2.0
     return np.where(np.isfinite(lengths), lengths, np.inf)
 
 
@@ -135,7 +134,8 @@ def checked_periods(metric: Metric, q: Array) -> Array:
     for coordinate in np.flatnonzero(np.isfinite(periods)):
         shifted = q.copy()
         shifted[coordinate] += periods[coordinate]
-        if not np.abs(metric.matrix(shifted) - tensor).max() <= _EQUAL * np.abs(tensor).max():
+        difference = np.abs(metric.matrix(shifted) - tensor).max()
+        if not difference <= 1e-6 * np.abs(tensor).max():  # rounding is far below
             raise ValueError(
                 f"{name}.periods: the metric is not the same at {q} and {periods[coordinate]:g} "
                 f"further in q[{coordinate}]"

@@ -27,7 +27,6 @@ from geodesic_ocp.errors import IntegrationFailed
 
 _SMALLEST_STEP = 1e-13  # relative to the interval
 _FINEST = 2.3e-14  # the smallest tolerance that SciPy takes
-_NEEDLESS = 30  # NEEDLESS of core/log_maps.h
 
 
 class _IntegrationRecord(ctypes.Structure):
@@ -368,7 +367,7 @@ class Kernels(Library):
         with one_blas_thread:
             self._call("log_maps", c_long(count), q0, q1, levels, *numbers, *given, *results)
         velocities[status != 0] = np.nan
-        return LogMaps(velocities, status == _NEEDLESS)
+        return LogMaps(velocities, status == 30)  # NEEDLESS of core/log_maps.h
 
 
 def _c_value(argument: Any) -> Any:

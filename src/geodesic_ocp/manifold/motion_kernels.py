@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 # Functions of a segment that meet (1, 0, 0, 0), ... in value and slope at its two ends.
 _HERMITE = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])
 _BUBBLE = Polynomial([0, 0, 1, -2, 1])  # vanishes at both ends with its slope
-# Displacements that do not count: of the motion's own (knots meet to ten times as much), and in
-# units of the coordinates' rounding.
-_RESOLVED, _ULPS = 1e-10, 100.0
 
 
 def motion_functions(metric: Metric) -> dict[str, ca.Function]:
@@ -258,12 +255,14 @@ class MotionKernels(Kernels):
         """Return changes of the action that do not count, also where the least action vanishes.
 
         A displacement d within a time h has an action of the order of G d^2 / h^3. Displacements
-        count down to a fraction of the motion's own, and to the rounding of the coordinates.
+        count down to a tenth of the tolerance to which knots meet, 1e-9 of the motion's own, and to
+        a hundred times the rounding of coordinates, of which positions on a segment are sums.
         """
         n = self._dim
         mean = float(durations.mean())
         moved = np.ptp(knots[:, :n], axis=0) + mean * np.abs(knots[:, n:]).max(axis=0)
-        least = _RESOLVED * moved.max() + _ULPS * np.finfo(float).eps * np.abs(knots[:, :n]).max()
+        rounding = np.finfo(float).eps * np.abs(knots[:, :n]).max()
+        least = 1e-10 * moved.max() + 100.0 * rounding
         return float(np.trace(self._metric.matrix(knots[0, :n])) * least**2 / mean**3)
 
     def states(

@@ -7,9 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.model.model import Model
-
-_REVOLUTION = 2.0 * np.pi
 
 
 @lru_cache(maxsize=32)
@@ -18,10 +17,10 @@ def periods(arm: Model, limited: bool) -> Array:
 
     With limits, a joint must have a range of a revolution, so that there is a way to go around.
     """
-    turns = np.isin(arm.joint_names, arm.continuous)
-    if limited:
-        turns &= arm.upper - arm.lower >= _REVOLUTION
-    return np.where(turns, _REVOLUTION, np.inf)
+    period = np.array(metric_of(arm).periods)
+    if not limited:
+        return period
+    return np.where(arm.upper - arm.lower >= period, period, np.inf)
 
 
 def shorter_way(change: Array, period: Array) -> Array:
