@@ -79,7 +79,7 @@ def geodesic(
     """Return the geodesic of `log` as a path from q0 to q1 at constant speed.
 
     Continuous joints, and other coordinates with `Metric.periods`, turn the shorter way: the path
-    may end whole periods away from q1.
+    may end whole periods away from q1. The next path begins at `path(1.0)`, then.
 
     Its nodes are sampled from the integrated geodesic, on a grid fine enough that the velocity of
     the path is accurate to 1e-6.
