@@ -66,10 +66,10 @@ def test_rows_that_are_not_found_are_nan_on_request(monkeypatch: pytest.MonkeyPa
     metric = Sphere()
     expected = go.distance(metric, POINTS, GOALS)
 
-    def fails_for_one(metric: go.Metric, q0: object, *rest: object) -> object:
+    def fails_for_one(metric: go.Metric, q0: object, q1: object, **options: object) -> object:
         if np.allclose(q0, POINTS[1]):
             raise go.NotConverged("not this one")
-        return found(metric, q0, *rest)
+        return found(metric, q0, q1, **options)
 
     found = log.find_shortest
     monkeypatch.setattr(log, "find_shortest", fails_for_one)

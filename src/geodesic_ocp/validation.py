@@ -440,7 +440,10 @@ def check_geodesic(known: KnownGeodesic, backend: str | None = None) -> list[Che
         quantities["path"] = on_the_way, tolerance
     if known.log:
         allowed = known.tolerances["log"]
-        quantities["log"] = (lambda metric: (log(metric, known.q0, known.q1), known.v0)), allowed
+        quantities["log"] = (
+            (lambda metric: (log(metric, known.q0, known.q1, wrap=False), known.v0)),
+            allowed,
+        )
     return _checks(known, quantities, backend)
 
 

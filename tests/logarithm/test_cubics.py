@@ -288,13 +288,30 @@ def test_the_equation_holds_for_metrics_of_users(metric: go.Metric) -> None:
 
 
 @pytest.mark.slow
-def test_motions_without_action_are_minimal() -> None:
-    line = go.logarithm.geodesic_from_velocity(HUMAN, np.full(7, 0.3), np.linspace(0.5, -0.5, 7))
-    along = go.cubic(HUMAN, line(0.0), line(0.0, 1), line(1.0), line(1.0, 1), 1.0)
-    still = go.cubic(HUMAN, np.ones(7), np.zeros(7), np.ones(7), np.zeros(7), 1.0)
-    for motion in (along, still):
-        assert motion.action < 1e-12
+@pytest.mark.parametrize(
+    ("metric", "duration"),
+    [(Sphere(), 1e-4), (HalfPlane(), 1e4), pytest.param(HUMAN, 1e-4, marks=pytest.mark.slow)],
+    ids=lambda each: type(each).__name__,
+)
+def test_motions_without_action_are_geodesics_at_any_speed(
+    metric: go.Metric, duration: float
+) -> None:
+    """With free velocities at the ends, or those of a geodesic, none has less action than zero."""
+    line = go.logarithm.geodesic_from_velocity(
+        metric, np.full(metric.dim, 0.8), np.linspace(0.6, -0.3, metric.dim)
+    )
+    ends = line(0.0), line(1.0)
+    speeds = line.velocity / duration, line(1.0, 1) / duration
+    natural = go.cubic(metric, ends[0], None, ends[1], None, duration)
+    given = go.cubic(metric, ends[0], speeds[0], ends[1], speeds[1], duration)
+    still = go.cubic(metric, ends[0], 0.0 * ends[0], ends[0], 0.0 * ends[0], duration)
+    shortest = go.geodesic(metric, *ends)
+    for motion, path in ((natural, shortest), (given, line)):
+        assert motion.action * duration**3 < 1e-12
+        np.testing.assert_allclose(motion(duration * TIMES), path(TIMES), atol=1e-8)
+    for motion in (natural, given, still):
         assert motion.certificate.locally_minimizing
+        assert motion.certificate.residual < 1e-6
 
 
 def test_the_action_is_that_of_the_integrated_motion() -> None:

@@ -153,12 +153,14 @@ class PeriodicSphere(Sphere):
 
 
 def test_a_straight_line_that_is_a_geodesic_but_not_the_shortest() -> None:
-    """The equator the long way round is stationary: a single start finds it, several a shorter."""
+    """The equator the long way round is stationary; the nearest image is the other way."""
     metric, q0, q1 = PeriodicSphere(), [np.pi / 2, 0.0], [np.pi / 2, 5.0]
-    path = go.geodesic(metric, q0, q1)
+    path = go.geodesic(metric, q0, q1, wrap=False)
     assert path.velocity == pytest.approx(np.array([0.0, 5.0]), abs=1e-9)
     assert path.certificate.morse_index == 1
-    assert go.distance(metric, q0, q1, num_starts=2) == pytest.approx(2 * np.pi - 5.0, abs=1e-9)
+    for starts in (1, 2):
+        shortest = go.distance(metric, q0, q1, num_starts=starts)
+        assert shortest == pytest.approx(2 * np.pi - 5.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("solver", ["newton", "ipopt"])

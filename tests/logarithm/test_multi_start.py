@@ -9,6 +9,7 @@ from gadget import FAN
 from known_metrics import HalfPlane, OutsideEllipse, Sphere
 from known_models import free_rotor, planar_arm
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 
@@ -55,7 +56,10 @@ def test_goals_a_period_away_are_the_same_point() -> None:
     assert_allclose([path.velocity for path in found], helices, rtol=0, atol=1e-9)
     assert_allclose(found[0](1.0), goal - period, rtol=0, atol=1e-9)
     assert_allclose(go.log(Cylinder(), start, goal, num_starts=3), helices[0], rtol=0, atol=1e-9)
-    assert_allclose(go.log(Cylinder(), start, goal), helices[1], rtol=0, atol=1e-9)
+    assert_allclose(go.log(Cylinder(), start, goal), helices[0], rtol=0, atol=1e-9)
+    assert_allclose(go.log(Cylinder(), start, goal, wrap=False), helices[1], rtol=0, atol=1e-9)
+    (only,) = go.geodesics(Cylinder(), start, goal, num_starts=3, wrap=False)
+    assert_allclose(only.velocity, helices[1], rtol=0, atol=1e-9)
 
 
 def test_continuous_joints_take_the_shorter_rotation() -> None:
@@ -165,6 +169,45 @@ def test_rows_take_starts(two_link: go.KineticEnergy) -> None:
     goals = np.array([[1.0, 0.5], [2.0, -1.0]])
     rows = go.log(two_link, [0.0, 0.3], goals, num_starts=3)
     assert np.array_equal(rows[1], go.log(two_link, [0.0, 0.3], goals[1], num_starts=3))
+
+
+def gimbal_wrist(ring: float) -> go.Model:
+    """A hand of 0.4 kg in a gimbal of three continuous hinges, about x, y and z through one point.
+
+    The rings between them have moments of inertia `ring` [kg m^2]: the metric is nearly singular
+    where the first axis and the last one coincide.
+    """
+    parts, parent = ['<robot name="gimbal"><link name="base"/>'], "base"
+    hand = "0 0 0.05", 0.4, (8e-4, 6e-4, 3e-4)
+    bodies = [("0 0 0", 1e3 * ring, (ring,) * 3)] * 2 + [hand]
+    for number, (centre, mass, moments) in enumerate(bodies):
+        axis = " ".join("1" if k == number else "0" for k in range(3))
+        inertia = " ".join(f'i{a}{a}="{m}"' for a, m in zip("xyz", moments, strict=True))
+        parts.append(
+            f'<link name="link{number}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>'
+            f'<inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="joint{number}" type="continuous"><parent link="{parent}"/>'
+            f'<child link="link{number}"/><axis xyz="{axis}"/></joint>'
+        )
+        parent = f"link{number}"
+    return go.load_model("".join(parts) + "</robot>", hand=parent)
+
+
+@pytest.mark.parametrize(
+    "rows", [[8], pytest.param([0, 2, 5], marks=pytest.mark.slow)], ids=["one pair", "three"]
+)
+def test_several_starts_find_the_same_from_both_ends(rows: list[int]) -> None:
+    """Geodesics that can be integrated from one end alone. No path is shorter than a rotation of
+    the hand by the same angle about its easiest axis.
+    """
+    metric = go.KineticEnergy(gimbal_wrist(2e-7))
+    starts, goals = np.random.default_rng(0).uniform(-2.8, 2.8, (2, 16, 3))[:, rows]
+    there = go.distance(metric, starts, goals, num_starts=3)
+    back = go.distance(metric, goals, starts, num_starts=3)
+    assert_allclose(there, back, rtol=1e-8)
+    turns = [Rotation.from_euler("XYZ", q) for q in (starts, goals)]
+    angles = (turns[0].inv() * turns[1]).magnitude()
+    assert np.all(there >= np.sqrt(3e-4) * angles)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -234,3 +235,25 @@ def test_christoffel_symbols_of_the_sphere() -> None:
     expected[0, 1, 1] = -np.sin(t) * np.cos(t)
     expected[1, 0, 1] = expected[1, 1, 0] = np.sin(t) * np.cos(t)
     assert Sphere().christoffel([t, 0.3]) == pytest.approx(expected, abs=1e-15)
+
+
+class Indefinite(go.Metric):
+    """Positive definite only for |q| < 1."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        return ca.blockcat([[1.0, q[0]], [q[0], 1.0 + 0.0 * q[1]]])
+
+
+@pytest.mark.parametrize("call", [go.exp, lambda m, q, v: go.log(m, q, v), go.geodesic])
+def test_an_indefinite_matrix_is_no_singularity(call: Callable[..., Any]) -> None:
+    with pytest.raises(
+        ValueError, match=r"is indefinite at .* negative squared lengths"
+    ) as failure:
+        call(Indefinite(), [2.0, 0.0], [0.1, 0.1])
+    assert "singularity but an error of matrix" in str(failure.value)
+    assert "kinematic" not in str(failure.value)
+    assert Indefinite().near_singularity(np.array([0.5, 0.0])) == ""
+    assert "nearly singular" in Indefinite().near_singularity(np.array([1.0 - 1e-6, 0.0]))
+    assert "kinematic" not in Indefinite().near_singularity(np.array([1.0 - 1e-6, 0.0]))

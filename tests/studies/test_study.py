@@ -274,6 +274,22 @@ def test_recordings_that_are_repeated_give_no_more_pairs() -> None:
     assert_frame_equal(one.means()[["mean"]], more.means()[["mean"]])
 
 
+def test_errors_over_a_part_of_the_segments_are_no_part_of_means_and_tests() -> None:
+    """They would be compared with errors of other methods over all segments."""
+    both = {"riemannian": 1.0, "kinetic_energy": 2.0}
+    few = {"riemannian": 1.0, "kinetic_energy": 0.1}
+    rows = [*rows_of("a", "Ann", both), *rows_of("b", "Bob", few)]
+    rows[-1] |= {"segments": 8, "segments_found": 7}
+    study = study_of_rows(rows)
+    kinetic = study.means("joint").loc[JOINTS, "geodesics, kinetic energy"]
+    assert kinetic[["mean", "recordings", "missing"]].tolist() == [2.0, 1, 1]
+    (note,) = (each for each in study.notes if "kinetic energy: no result in 1 of 2" in each)
+    (part,) = (each for each in study.notes if "7 of 8 segments" in each)
+    assert study.notes.index(part) == study.notes.index(note) + 1
+    counts = study.means("segments").loc["segments", "geodesics, kinetic energy"]
+    assert counts["mean"] == 5.0
+
+
 def test_nameless_subjects_different_settings_and_failures_are_noted() -> None:
     rows = [
         *rows_of("a", "", {"riemannian": 1.0}, settings="1"),

@@ -20,9 +20,10 @@ from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.metrics import FRACTION
+from geodesic_ocp.studies.study_tables import recording_rows
 from geodesic_ocp.tables import markdown, text
 
-analyse_module = importlib.import_module("geodesic_ocp.synergies.analyse")
+synergy_module = importlib.import_module("geodesic_ocp.synergies.synergy")
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
 METHODS = ["riemannian", "kinetic_energy", "euclidean_same_segments", "euclidean", "ik"]
 
@@ -385,27 +386,50 @@ def test_errors_against_the_recording_as_it_is(planar: tuple[go.Model, go.Motion
         unknown.table(unfiltered=True)
 
 
-def test_a_comparison_without_a_geodesic_does_not_lose_the_analysis(
+def test_a_segment_without_a_geodesic_does_not_lose_the_others(
     planar: tuple[go.Model, go.Motion], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Errors of the metric that is compared are means over the samples of the other segments."""
     arm, motion = planar
+    cut = [(0, 50), (50, 90), (90, 120)]
+    whole = go.analyse(arm, motion, segments=cut)
+    motion = whole.motion
 
-    def fail(metric: go.Metric, *arguments: Any, **options: Any) -> Any:
-        if isinstance(metric, go.KineticEnergy) and not metric.model.armature.any():
-            options["progress"](1)  # the first segment
+    def fail(metric: go.Metric, q0: np.ndarray, *ends: Any, **options: Any) -> Any:
+        plain = isinstance(metric, go.KineticEnergy) and not metric.model.armature.any()
+        if plain and any(np.array_equal(q0, motion.q[start]) for start in lacking):
             raise go.NotConverged("no geodesic")
-        return go.synergies.reconstruct(metric, *arguments, **options)
+        return go.geodesic(metric, q0, *ends, **options)
 
-    monkeypatch.setattr(analyse_module, "reconstruct", fail)
-    cut = [(0, 50), (50, 120)]
-    with pytest.warns(RuntimeWarning, match=r"kinetic energy: .*0\.500 to 1\.200 s.*50 to 120"):
+    monkeypatch.setattr(synergy_module, "geodesic", fail)
+    lacking = [50]
+    told = r"kinetic energy: .* for 1 of 3 segments, 0\.500 to 0\.900 s.*50 to 90.*over the others"
+    with pytest.warns(RuntimeWarning, match=told):
         analysis = go.analyse(arm, motion, segments=cut)
     assert analysis.not_found == ("kinetic_energy",)
+    assert analysis.without_geodesic == {"kinetic_energy": (1,)}
+    assert analysis.segments_found("kinetic_energy") == 2
+    known = np.r_[0:51, 90:121]
+    differences = whole.predictions["kinetic_energy"].q[known] - motion.q[known]
+    found = analysis.errors["kinetic_energy"]
+    assert found.joint == pytest.approx(np.abs(differences).mean(), rel=1e-12)
+    assert {**analysis.errors, "kinetic_energy": 0} == {**whole.errors, "kinetic_energy": 0}
+    row = analysis.table().loc["geodesics, kinetic energy"]
+    assert row["segments"] == "2 of 3"
+    assert row["joints [rad]"] == found.joint
+    note = "Not found: geodesics, kinetic energy from 0.50 to 0.90 s, where its errors do not count"
+    assert note in text(analysis.table())
+    (in_study,) = (r for r in recording_rows(analysis, False) if r["method"] == "kinetic_energy")
+    assert (in_study["segments"], in_study["segments_found"]) == (3, 2)
+    assert in_study["joint_error_rad"] == found.joint
+
+    lacking = [0, 50, 90]
+    with pytest.warns(RuntimeWarning, match="for 3 of 3 segments.* left out of the comparison"):
+        analysis = go.analyse(arm, motion, segments=cut)
     assert set(analysis.errors) == {*METHODS} - {"kinetic_energy"}
     row = analysis.table().loc["geodesics, kinetic energy"]
-    assert row["segments"] == 2
+    assert row["segments"] == "0 of 3"
     assert row.drop("segments").isna().all()
-    assert "Not found: geodesics, kinetic energy." in text(analysis.table())
     with pytest.raises(go.NotConverged):  # of the analysis' own metric, it is an error
         go.analyse(arm, motion, segments=cut, metric="kinetic")
 

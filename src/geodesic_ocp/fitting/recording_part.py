@@ -220,7 +220,7 @@ def _guess(metric: Metric, terms: SegmentTerms, ends: Array) -> Array:
     s = terms.basis.rule[0]
     try:
         if terms.is_geodesic:
-            return geodesic(metric, ends[0], ends[2])(s)
+            return geodesic(metric, ends[0], ends[2], wrap=False)(s)
         q0, v0, q1, v1 = ends
         return cubic(metric, q0, v0, q1, v1, 1.0)(s)
     except (NotConverged, ValueError):

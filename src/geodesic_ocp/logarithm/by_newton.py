@@ -22,7 +22,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.exp import exp_with_derivative, integrate_geodesic, sample_geodesic
-from geodesic_ocp.manifold.kernels import Level, Tolerances
+from geodesic_ocp.manifold.kernels import Level, LogMaps, Tolerances
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -197,8 +197,8 @@ def find_by_newton(
 
 def find_many_by_newton(
     metric: Metric, q0: Array, q1: Array, offsets: Array | None = None
-) -> Array | None:
-    """Return initial velocities (k, n) of geodesics between k pairs, (k, n) each, all at once.
+) -> LogMaps | None:
+    """Return initial velocities of geodesics between k pairs, (k, n) each, all at once.
 
     They are those of the first attempt of `find_by_newton`; NaN where it fails. None where the
     compiled library cannot do it.
@@ -207,8 +207,8 @@ def find_many_by_newton(
         metric: see `find_by_newton`.
         q0, q1: the ends.
         offsets: (k, n), of the middle of each first path from the straight line. All q0 are the
-            same then, all q1 up to whole periods, and the shortest geodesic is sought: velocities
-            are NaN, too, where the path on a coarse grid is longer or the same as another.
+            same then, all q1 up to whole periods, and the shortest geodesic is sought: starts are
+            given up where the path on a coarse grid is longer or the same as another.
     """
     x = q0[:, None] + _LEVELS.grids[0].nodes[:, None] * (q1 - q0)[:, None]
     if offsets is not None:
@@ -264,10 +264,24 @@ def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> Attempt:
     if back.velocity is None:
         return result
     try:
-        _, velocities = sample_geodesic(metric, q1, back.velocity, _UNIT_INTERVAL)
-        return result._replace(velocity=find_by_shooting(metric, q0, q1, -velocities[-1]).velocity)
-    except (IntegrationFailed, NotConverged) as failure:
+        return result._replace(velocity=traversed_backwards(metric, q0, q1, back.velocity).velocity)
+    except NotConverged as failure:
         return result._replace(reason=str(failure))
+
+
+def traversed_backwards(
+    metric: Metric, q0: Array, q1: Array, velocity: Array
+) -> ConnectingGeodesic:
+    """Return the geodesic from q0 to q1 along that from q1 to q0, with its initial velocity (n,).
+
+    Raises:
+        NotConverged: integrated from q0, it does not end at q1.
+    """
+    try:
+        _, velocities = sample_geodesic(metric, q1, velocity, _UNIT_INTERVAL)
+    except IntegrationFailed as failure:
+        raise NotConverged(f"the geodesic from {q1} to {q0}: {failure}") from None
+    return find_by_shooting(metric, q0, q1, -velocities[-1])
 
 
 def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, real_array
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.logarithm.images import checked_periods, circular_mean
 from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.metric import Metric, as_metric
@@ -34,6 +35,7 @@ def distance(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    wrap: bool = True,
     throw: bool = True,
     progress: Progress | None = None,
 ) -> Any:
@@ -51,8 +53,8 @@ def distance(
     Args:
         metric: metric of the manifold.
         q0, q1: points (n,), or k points (k, n).
-        num_starts, seed, solver, throw: see `log`; with `throw=False` distances that are not found
-            are NaN.
+        num_starts, seed, solver, wrap, throw: see `log`; with `throw=False` distances that are not
+            found are NaN.
         progress: of a matrix, called with what is done, the number of pairs, and the total.
 
     Raises:
@@ -60,6 +62,7 @@ def distance(
         NotConverged: as `log`.
     """
     given: dict[str, Any] = {"num_starts": num_starts, "seed": seed, "solver": solver}
+    given["wrap"] = wrap
     given["throw"] = throw
     if q1 is None:
         return _distances(metric, real_array(q0, "q0"), given, progress or no_progress)
@@ -110,7 +113,9 @@ def _distances(metric: Metric, points: Array, given: dict[str, Any], progress: P
     return result
 
 
-def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
+def frechet_mean(
+    metric: Metric, points: ArrayLike, weights: ArrayLike | None = None, *, wrap: bool = True
+) -> Array:
     """Return fréchet mean (n,) of k points (k, n): the x that minimizes sum_i w_i d(x, x_i)^2.
 
     Its first-order condition is sum_i w_i Log_x(x_i) = 0 (Karcher, "Riemannian center of mass and
@@ -118,7 +123,9 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
     coordinates, and ends where the sum is at most 1e-8 of the points' spread. In a space of
     positive curvature, points that are far apart can have several means; this is one of them.
 
-    Points are taken as they are, also where coordinates are periodic (`Metric.periods`).
+    Of continuous joints, and of other coordinates with `Metric.periods`, the nearest images of the
+    points count: the mean of 3.0 and -3.0 rad is pi, not zero. The descent starts there from the
+    mean on the circle, within half a period of the first point.
 
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q0, q1 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
@@ -129,6 +136,7 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
         metric: metric of the manifold.
         points: k points, at least one.
         weights: k positive numbers, of which only the ratios count; None: equal weights.
+        wrap: see `log`; with False points are taken as they are.
 
     Raises:
         ValueError: wrong shapes or values, or a point where the metric is not defined.
@@ -148,10 +156,14 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
     w = w / w.sum()
 
     x: Array = w @ samples
+    if wrap:
+        periods = checked_periods(metric, samples[0])
+        for column in np.flatnonzero(np.isfinite(periods)):
+            x[column] = circular_mean(samples[:, column], w, periods[column])
     step, smallest = 1.0, np.inf
     origin = direction = x
     for _ in range(_MAX_STEPS):
-        logs = log(metric, x, samples)
+        logs = log(metric, x, samples, wrap=wrap)
         gradient = w @ logs
         spread = max(metric.norm(x, each) for each in logs)
         size = metric.norm(x, gradient)

@@ -74,8 +74,12 @@ def geodesic(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    wrap: bool = True,
 ) -> Geodesic:
     """Return the geodesic of `log` as a path from q0 to q1 at constant speed.
+
+    Continuous joints, and other coordinates with `Metric.periods`, turn the shorter way: the path
+    may end whole periods away from q1. The next path begins at `path(1.0)`, then.
 
     Its nodes are sampled from the integrated geodesic, on a grid fine enough that the velocity of
     the path is accurate to 1e-6.
@@ -93,13 +97,15 @@ def geodesic(
     Args:
         metric: metric of the manifold.
         q0, q1: configurations (n,) [rad or m].
-        num_starts, seed, solver: see `log`.
+        num_starts, seed, solver, wrap: see `log`.
 
     Raises:
-        ValueError: wrong shapes, or numbers that are not finite.
-        NotConverged: see `log`.
+        ValueError, NotConverged: see `log`.
     """
-    return _sample_path(metric, find_shortest(metric, q0, q1, num_starts, seed, solver))
+    found = find_shortest(
+        metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver, wrap=wrap
+    )
+    return _sample_path(metric, found)
 
 
 def geodesics(
@@ -110,15 +116,16 @@ def geodesics(
     num_starts: int = 20,
     seed: int = 0,
     solver: str | None = None,
+    wrap: bool = True,
 ) -> tuple[Geodesic, ...]:
     """Return all distinct geodesics from q0 to q1 that are found from several starts, shortest
     first.
 
-    The initial guesses are the straight line, straight lines to goals a period away where the
-    metric has `periods` (a revolution of a continuous joint), paths through random waypoints, and
-    perturbed velocities of geodesics found before. There may be more geodesics, and a shorter one;
-    the `certificate` of each tells whether it is locally minimizing. A geodesic that bends too
-    sharply for the finest grid is left out with a RuntimeWarning.
+    The initial guesses are the straight line (where the metric has `periods`, such as a revolution
+    of a continuous joint, those to the nearest image of q1 and to others), paths through random
+    waypoints, and perturbed velocities of geodesics found before. There may be more geodesics, and
+    a shorter one; the `certificate` of each tells whether it is locally minimizing. A geodesic that
+    bends too sharply for the finest grid is left out with a RuntimeWarning.
 
     >>> class Cylinder(go.Metric):  # radius 1, in angle and height
     ...     dim, periods = 2, (6.283185307179586, float("inf"))
@@ -134,14 +141,17 @@ def geodesics(
             the same.
         num_starts: number of initial guesses, at least one.
         seed: seed of the random numbers.
-        solver: see `log`.
+        solver, wrap: see `log`.
 
     Raises:
         ValueError, NotConverged: see `log`.
     """
     paths: list[Geodesic] = []
     failures: list[NotConverged] = []
-    for found in find_geodesics(metric, q0, q1, num_starts, seed, solver):
+    every = find_geodesics(
+        metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver, wrap=wrap
+    )
+    for found in every:
         try:
             paths.append(_sample_path(metric, found))
         except NotConverged as failure:

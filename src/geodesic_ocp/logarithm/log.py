@@ -4,24 +4,24 @@ Without constraints, Newton's method on the discrete energy finds one in millise
 Ipopt solves the same NLP, as reference and where there is no compiler (`by_ipopt`). The argument
 `solver`, or the environment variable GEODESIC_OCP_SOLVER, chooses.
 
-The first guess is the straight line. Where coordinates are periodic, straight lines to goals a
-period away follow, the nearest first. The remaining guesses alternate between a path through a
-random waypoint, which leads to a geodesic of locally minimal energy, and shooting with the
-perturbed or reversed velocity of a geodesic found before, which can lead to any geodesic,
-including those that are not minimal.
+The first guess is the straight line. Where coordinates are periodic, it leads to the nearest image
+of the goal, and straight lines to other images follow (`images`). The remaining guesses alternate
+between a path through a random waypoint, which leads to a geodesic of locally minimal energy, and
+shooting with the perturbed or reversed velocity of a geodesic found before, which can lead to any
+geodesic, including those that are not minimal.
 """
 
 from __future__ import annotations
 
 import os
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
-from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_choice, as_integer, real_array
+from geodesic_ocp.arrays import Array, as_choice, as_integer
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
 from geodesic_ocp.logarithm.by_newton import (
@@ -30,7 +30,10 @@ from geodesic_ocp.logarithm.by_newton import (
     find_by_newton,
     find_by_shooting,
     find_many_by_newton,
+    traversed_backwards,
 )
+from geodesic_ocp.logarithm.images import all_images, near_images
+from geodesic_ocp.manifold.kernels import LogMaps
 from geodesic_ocp.manifold.metric import Metric, as_metric, in_threads, over_rows
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -49,8 +52,6 @@ _GRID = Grid(1, 20)  # of initial guesses
 _WAYPOINT = (0.3, 2.0)  # range of its offset from the straight line, relative to |q1 - q0|
 _PERTURBATION = (0.03, 0.3)  # range of a velocity's perturbation, relative to its norm
 _REVERSED = (0.5, 8.0)  # range of a reversed velocity's norm, relative to that of the original
-_MAX_PERIODIC = 6  # coordinates of which goals one period to either side are tried
-_EQUAL = 1e-6
 _BLOCK = 64  # pairs whose geodesics are found at once
 
 
@@ -62,6 +63,7 @@ def _logs(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    wrap: bool = True,
     throw: bool = True,
 ) -> dict[int, Array]:
     """Return velocities of `log` of those rows for which all at once find them."""
@@ -71,26 +73,36 @@ def _logs(
     ends = [np.asarray(each) for each in (q0, q1)]
 
     def of_block(block: int) -> dict[int, Array]:
-        rows, pairs = [], []
+        rows: list[int] = []
+        starts: list[Array] = []
+        goals: list[Array] = []
         for row in range(block * _BLOCK, min(count, (block + 1) * _BLOCK)):
             with suppress(ValueError):  # which the row itself raises, with its number
                 start, goal = (
                     metric.point(name, each[row] if each.ndim == 2 else each)
                     for name, each in zip(("q0", "q1"), ends, strict=True)
                 )
-                if not are_nearby(start, goal):
-                    rows.append(row)
-                    pairs.append((start, goal))
+                near = near_images(metric, start, goal) if wrap else [goal]
+                if not are_nearby(start, near[0]):
+                    rows += [row] * len(near)
+                    starts += [start] * len(near)
+                    goals += near
         if not rows:
             return {}
-        starts, goals = (np.array(each) for each in zip(*pairs, strict=True))
-        found = find_many_by_newton(metric, starts, goals)
-        if found is None:
+        every = find_many_by_newton(metric, np.array(starts), np.array(goals))
+        if every is None:
             return {}
+        found: dict[int, list[ConnectingGeodesic]] = {}
+        failed: set[int] = set()
+        for row, start, goal, velocity in zip(rows, starts, goals, every.velocities, strict=True):
+            if np.all(np.isfinite(velocity)):
+                found.setdefault(row, []).append(ConnectingGeodesic(start, goal, velocity))
+            elif row not in found:  # its first image, to which the row itself searches thoroughly
+                failed.add(row)
         return {
-            row: velocity
-            for row, velocity in zip(rows, found, strict=True)
-            if np.all(np.isfinite(velocity))
+            row: _shortest(metric, each).velocity
+            for row, each in found.items()
+            if row not in failed
         }
 
     blocks = in_threads(of_block, -(-count // _BLOCK))
@@ -106,6 +118,7 @@ def log(
     num_starts: int = 1,
     seed: int = 0,
     solver: str | None = None,
+    wrap: bool = True,
     throw: bool = True,
 ) -> Array:
     """Return Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
@@ -116,10 +129,11 @@ def log(
     random pairs of a human arm or a Panda not the shortest known (docs/explanation/mathematics.md).
     With 20, all but 1 of 400 were the shortest known; they take as long as 4 to 13 single ones.
 
-    The end point Exp_q0(v0) equals q1 to 1e-9 in every coordinate, with more than one start up to
-    whole periods of the metric's coordinates. For k points (k, n) at either end or both: k
-    velocities (k, n), found all at once where the system's compiler is GCC, in half the time; they
-    are those of single calls to 1e-10.
+    The end point Exp_q0(v0) equals q1 to 1e-9 in every coordinate, up to whole periods of the
+    metric's coordinates (`Metric.periods`): continuous joints turn the shorter way, from 3.0 to
+    -3.0 rad by 0.28 rad. Of the images of q1 those with nearly the shortest straight line are
+    compared. For k points (k, n) at either end or both: k velocities (k, n), found all at once
+    where the system's compiler is GCC, in half the time; they are those of single calls to 1e-10.
 
     >>> metric = go.KineticEnergy(go.human_arm())
     >>> q0 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0]
@@ -138,29 +152,36 @@ def log(
         solver: "newton", which takes milliseconds, or "ipopt", the reference; None takes the
             environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete
             energy.
+        wrap: whether continuous joints, and other periodic coordinates, may end whole periods away
+            from q1; with False they turn from q0 to q1 as given, also the longer way around.
         throw: raise NotConverged; else velocities that are not found are NaN, and a warning names
             their rows.
 
     Raises:
-        ValueError: wrong shapes, numbers that are not finite, or, with one start, a straight line
-            along which the metric is not defined.
+        ValueError: wrong shapes, numbers that are not finite, wrong `periods` of the metric, or,
+            with one start, a straight line along which the metric is not defined.
         NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
     """
     del throw  # of `over_rows`
-    return find_shortest(metric, q0, q1, num_starts, seed, solver).velocity
+    return find_shortest(
+        metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver, wrap=wrap
+    ).velocity
 
 
 def find_shortest(
     metric: Metric,
     q0: ArrayLike,
     q1: ArrayLike,
+    *,
     num_starts: int,
     seed: int,
     solver: str | None = None,
+    wrap: bool = True,
 ) -> ConnectingGeodesic:
     """Return the shortest of the geodesics to which `num_starts` initial paths lead.
 
-    They are straight lines to the goal and to goals whole periods away, then paths through random
+    Straight lines to the images of the goal that are probably nearest count as one start together.
+    Of the others, up to half are straight lines to further images; then follow paths through random
     waypoints, each followed by the one on the other side.
 
     Raises:
@@ -170,54 +191,110 @@ def find_shortest(
     start, goal = metric.point("q0", q0), metric.point("q1", q1)
     count = as_integer("num_starts", num_starts, 1)
     rng = np.random.default_rng(as_integer("seed", seed, 0))
+    near = near_images(metric, start, goal) if wrap else [goal]
     if count == 1:
-        return find_from_path(metric, start, goal, None, solver)
-    goals = _periodic_goals(metric, start, goal)[:count]
-    if metric.has_constant_tensor or any(are_nearby(start, each) for each in goals):
-        return find_geodesics(metric, start, goal, count, seed, solver)[0]
-    offsets = np.zeros((count, metric.dim))
-    for number in range(len(goals), count, 2):
-        goals.append(goals[int(rng.integers(number))])
-        size = np.linalg.norm(goals[-1] - start)
-        offsets[number] = size * _random_direction(metric, rng, _WAYPOINT)
-        if number + 1 < count:
+        return _straight_line(metric, start, near, solver)
+    every = partial(
+        find_geodesics, metric, start, goal, num_starts=count, seed=seed, solver=solver, wrap=wrap
+    )
+    if metric.has_constant_tensor or are_nearby(start, near[0]):
+        return every()[0]
+    images = all_images(metric, start, goal) if wrap else near
+    goals = images[: max(len(near), count // 2)]
+    offsets = [np.zeros(metric.dim)] * len(goals)
+    for number in range(count - 1 - (len(goals) - len(near))):
+        if number % 2 == 0:
+            goals.append(goals[int(rng.integers(len(goals)))])
+            size = np.linalg.norm(goals[-1] - start)
+            offsets.append(size * _random_direction(metric, rng, _WAYPOINT))
+        else:
             goals.append(goals[-1])
-            offsets[number + 1] = -offsets[number]
-    found = _from_offsets(metric, start, np.array(goals), offsets, solver)
+            offsets.append(-offsets[-1])
+    found = _from_offsets(metric, start, np.array(goals), np.array(offsets), solver)
+    # Starts are given up on coarse grids: several are never worse than one, if that is among them.
+    with suppress(NotConverged, ValueError):
+        found.append(_straight_line(metric, start, near, solver))
+    return _shortest(metric, found) if found else every()[0]
+
+
+def _straight_line(
+    metric: Metric, start: Array, goals: list[Array], solver: str
+) -> ConnectingGeodesic:
+    """Return the shortest of the geodesics to images of a goal, each near the straight line.
+
+    Raises:
+        NotConverged, ValueError: none was found; that to the first image is sought thoroughly.
+    """
+    found: list[ConnectingGeodesic] = []
+    failures: list[NotConverged | ValueError] = []
+    for number, goal in enumerate(goals):
+        try:
+            found.append(find_from_path(metric, start, goal, None, solver, thorough=number == 0))
+        except (NotConverged, ValueError) as failure:
+            failures.append(failure)
     if not found:
-        return find_geodesics(metric, start, goal, count, seed, solver)[0]
-    return min(found, key=lambda each: float(metric.norm(start, each.velocity)))
+        raise failures[0]
+    return _shortest(metric, found)
+
+
+def _shortest(metric: Metric, found: list[ConnectingGeodesic]) -> ConnectingGeodesic:
+    """Return the shortest one; the first of those that are equally long."""
+    return min(found, key=lambda each: float(metric.norm(each.q0, each.velocity)))
 
 
 def _from_offsets(
     metric: Metric, start: Array, goals: Array, offsets: Array, solver: str
 ) -> list[ConnectingGeodesic]:
-    """Return geodesics to which paths to goals (k, n) lead, whose middles have offsets (k, n)."""
+    """Return geodesics to which paths to goals (k, n) lead, whose middles have offsets (k, n).
+
+    Where geodesics diverge towards one end, only the integration from the other end may succeed:
+    paths that led to none are tried from there, so that both directions find the same geodesics.
+    """
+    forwards = _along_paths(metric, start, goals, offsets, solver)
+    known = np.isfinite(forwards.velocities).all(axis=1)
+    found = [
+        ConnectingGeodesic(start, goal, velocity)
+        for goal, velocity in zip(goals[known], forwards.velocities[known], strict=True)
+    ]
+    failed = ~known & ~forwards.given_up
+    if np.any(failed):
+        # All from the same image of the goal, to images of the start.
+        images = start + goals[0] - goals[failed]
+        backwards = _along_paths(metric, goals[0], images, offsets[failed], solver)
+        for goal, velocity in zip(goals[failed], backwards.velocities, strict=True):
+            if np.all(np.isfinite(velocity)):
+                with suppress(NotConverged):
+                    found.append(traversed_backwards(metric, start, goal, velocity))
+    return found
+
+
+def _along_paths(
+    metric: Metric, start: Array, goals: Array, offsets: Array, solver: str
+) -> LogMaps:
+    """Return velocities of the geodesics near paths to goals (k, n), see `_from_offsets`."""
     if solver == "newton" and metric.kernels.available():
-        starts = np.tile(start, (len(goals), 1))
-        velocities = find_many_by_newton(metric, starts, goals, offsets)
-        if velocities is not None:
-            return [
-                ConnectingGeodesic(start, goal, velocity)
-                for goal, velocity in zip(goals, velocities, strict=True)
-                if np.all(np.isfinite(velocity))
-            ]
-    found = []
-    for goal, offset in zip(goals, offsets, strict=True):
+        found = find_many_by_newton(metric, np.tile(start, (len(goals), 1)), goals, offsets)
+        if found is not None:
+            return found
+    velocities = np.full(goals.shape, np.nan)
+    for number, (goal, offset) in enumerate(zip(goals, offsets, strict=True)):
         with suppress(NotConverged, ValueError):
             line = start + _GRID.nodes[:, None] * (goal - start)
             guess = Path(metric, _GRID, line + bulge(_GRID) * offset)
-            found.append(find_from_path(metric, start, goal, guess, solver, thorough=False))
-    return found
+            one = find_from_path(metric, start, goal, guess, solver, thorough=False)
+            velocities[number] = one.velocity
+    return LogMaps(velocities, np.zeros(len(goals), dtype=bool))
 
 
 def find_geodesics(
     metric: Metric,
     q0: ArrayLike,
     q1: ArrayLike,
+    *,
     num_starts: int,
     seed: int,
     solver: str | None = None,
+    wrap: bool = True,
 ) -> list[ConnectingGeodesic]:
     """Return the distinct geodesics found from `num_starts` initial guesses, shortest first.
 
@@ -231,8 +308,10 @@ def find_geodesics(
     count = as_integer("num_starts", num_starts, 1)
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     if count == 1:
-        return [find_from_path(metric, start, goal, None, solver)]
-    goals = _periodic_goals(metric, start, goal)[:count]
+        return [
+            find_shortest(metric, start, goal, num_starts=1, seed=seed, solver=solver, wrap=wrap)
+        ]
+    goals = all_images(metric, start, goal)[:count] if wrap else [goal]
     found: list[ConnectingGeodesic] = []
     failures: list[NotConverged | ValueError] = []
     # All geodesics are straight lines where the metric tensor is constant.
@@ -240,7 +319,7 @@ def find_geodesics(
         try:
             if number < len(goals):
                 first = number == 0
-                new = find_from_path(metric, start, goals[number], None, solver, thorough=first)
+                new = _from_either_end(metric, start, goals[number], None, solver, thorough=first)
             elif (number - len(goals)) % 3 < 2 or not found:
                 if (number - len(goals)) % 3 == 0:
                     goal = goals[int(rng.integers(len(goals)))]
@@ -250,7 +329,7 @@ def find_geodesics(
                 line = start + _GRID.nodes[:, None] * (goal - start)
                 middle = np.linalg.norm(goal - start) * offset
                 guess = Path(metric, _GRID, line + bulge(_GRID) * middle)
-                new = find_from_path(metric, start, goal, guess, solver, thorough=False)
+                new = _from_either_end(metric, start, goal, guess, solver, thorough=False)
             else:
                 near = found[int(rng.integers(len(found)))]
                 goal, change = near.q1, _random_direction(metric, rng, _PERTURBATION, near)
@@ -276,6 +355,24 @@ def find_geodesics(
             getattr(failures[0], "solution", None),
         )
     return sorted(found, key=lambda each: float(metric.norm(start, each.velocity)))
+
+
+def _from_either_end(
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, solver: str, *, thorough: bool
+) -> ConnectingGeodesic:
+    """Return the geodesic near a path that `find_from_path` finds from q0, or else from q1.
+
+    Raises:
+        NotConverged, ValueError: that of `find_from_path` from q0.
+    """
+    try:
+        return find_from_path(metric, q0, q1, guess, solver, thorough=thorough)
+    except NotConverged as failure:
+        back = None if guess is None else replace(guess, nodes=guess.nodes[::-1])
+        with suppress(NotConverged):
+            other = find_from_path(metric, q1, q0, back, solver, thorough=thorough)
+            return traversed_backwards(metric, q0, q1, other.velocity)
+        raise failure
 
 
 def find_from_path(
@@ -345,45 +442,6 @@ def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
         a4 = metric.acceleration(q0 + x + h * (v + h / 2 * a2), v + h * a3)
         x, v = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
     return np.asarray(x)
-
-
-def _periodic_goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
-    """Return the goal, then goals whole periods away, sorted by the straight line's length at q0.
-
-    Raises:
-        ValueError: the metric's periods are wrong.
-    """
-    name, tensor = type(metric).__name__, metric.matrix(q1)
-    try:
-        periods = real_array(
-            np.full(metric.dim, np.inf) if metric.periods is None else metric.periods
-        )
-    except (TypeError, ValueError):
-        periods = np.zeros(0)
-    if periods.shape != (metric.dim,) or not np.all(periods > 0.0):
-        raise ValueError(
-            f"{name}.periods must be {metric.dim} positive numbers (inf where a coordinate is not "
-            f"periodic), got {metric.periods!r}"
-        )
-    periodic = np.flatnonzero(np.isfinite(periods))
-    for shift in np.diag(np.where(np.isfinite(periods), periods, 0.0))[periodic]:
-        if not np.abs(metric.matrix(q1 + shift) - tensor).max() <= _EQUAL * np.abs(tensor).max():
-            raise ValueError(
-                f"{name}.periods: the metric is not the same at {q1} and {shift.max():g} further "
-                f"in q[{np.argmax(shift)}]"
-            )
-    nearest = q1.copy()
-    nearest[periodic] -= periods[periodic] * np.round((q1 - q0)[periodic] / periods[periodic])
-    # Of many coordinates, those closest to half a period away matter most.
-    fractions = np.abs((nearest - q0)[periodic] / periods[periodic])
-    doubtful = periodic[np.argsort(-fractions)][:_MAX_PERIODIC]
-    goals = []
-    for revolutions in product((0, -1, 1), repeat=doubtful.size):
-        goal = nearest.copy()
-        goal[doubtful] += np.array(revolutions, dtype=float) * periods[doubtful]
-        if not np.array_equal(goal, q1):
-            goals.append(goal)
-    return [q1, *sorted(goals, key=lambda goal: float(metric.norm(q0, goal - q0)))]
 
 
 def _random_direction(

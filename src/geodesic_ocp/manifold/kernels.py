@@ -14,10 +14,11 @@ from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_long, c_void_p
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from geodesic_ocp.arrays import Array
@@ -113,6 +114,15 @@ class Level(ctypes.Structure):
         ("decrease", c_double),
         ("max_steps", c_long),
     ]
+
+
+class LogMaps(NamedTuple):
+    """Initial velocities (k, n) of geodesics, NaN where none was found, and whether a start was
+    given up (k,), as it led to the geodesic of another start or to a longer one.
+    """
+
+    velocities: Array
+    given_up: NDArray[np.bool_]
 
 
 class Tolerances(ctypes.Structure):
@@ -328,8 +338,8 @@ class Kernels(Library):
         tolerances: Tolerances,
         wanted: Array,
         are_starts: bool,
-    ) -> Array | None:
-        """Return velocities (k, n) of `log_map` for k pairs at once; None where the library cannot.
+    ) -> LogMaps | None:
+        """Return results of `log_map` for k pairs at once; None where the library cannot.
 
         Args:
             q0, q1: the ends (k, n).
@@ -338,9 +348,6 @@ class Kernels(Library):
             wanted: errors (k,) at which corrections end, in place of the tolerances' one.
             are_starts: all are paths between the same two points, of which the shortest geodesic is
                 sought: paths that do not lead to it are given up.
-
-        Returns:
-            Initial velocities; NaN where none was found.
         """
         handle = self.handle(True)
         if handle is None or not hasattr(
@@ -360,7 +367,7 @@ class Kernels(Library):
         with one_blas_thread:
             self._call("log_maps", c_long(count), q0, q1, levels, *numbers, *given, *results)
         velocities[status != 0] = np.nan
-        return velocities
+        return LogMaps(velocities, status == 30)  # NEEDLESS of core/log_maps.h
 
 
 def _c_value(argument: Any) -> Any:

@@ -199,11 +199,15 @@ class Metric(MetricFunctions):
             return ""
         components = np.abs(vectors[:, 0])
         moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
-        names = self.coordinate_names
-        return (
-            f"the metric is nearly singular at {q}, where {' and '.join(names[k] for k in moved)} "
-            "are linearly dependent (kinematic singularity)"
-        )
+        names = " and ".join(self.coordinate_names[k] for k in moved)
+        if eigenvalues[0] < -_SINGULAR:
+            return (
+                f"the metric is indefinite at {q}: some velocities of {names} have negative "
+                "squared lengths, which is no singularity but an error of matrix(q), or of the "
+                "model's inertias"
+            )
+        kind = " (kinematic singularity)" if self.joint_names else ""
+        return f"the metric is nearly singular at {q}, where {names} are linearly dependent{kind}"
 
     # -- the geometry --------------------------------------------------------------------------
 

@@ -233,7 +233,8 @@ class MotionKernels(Kernels):
         action, steps = c_double(), c_long()
         gradients, hessians = np.empty((count, 4 * n)), np.empty((count, 4 * n, 4 * n))
         pointers = (ctypes.c_void_p(each.ctypes.data) for each in (free, memory, flags))
-        given = byref(blas()), levels, number, parts, durations, tension
+        rounding = self._rounding(durations, knots)
+        given = byref(blas()), levels, number, parts, durations, tension, rounding
         results = byref(action), gradients, hessians, byref(steps)
         with one_blas_thread:
             status = self._call("find_motion", *given, *pointers, x, *results)
@@ -249,6 +250,20 @@ class MotionKernels(Kernels):
             gradients,
             hessians,
         )
+
+    def _rounding(self, durations: Array, knots: Array) -> float:
+        """Return changes of the action that do not count, also where the least action vanishes.
+
+        A displacement d within a time h has an action of the order of G d^2 / h^3. Displacements
+        count down to a tenth of the tolerance to which knots meet, 1e-9 of the motion's own, and to
+        a hundred times the rounding of coordinates, of which positions on a segment are sums.
+        """
+        n = self._dim
+        mean = float(durations.mean())
+        moved = np.ptp(knots[:, :n], axis=0) + mean * np.abs(knots[:, n:]).max(axis=0)
+        rounding = np.finfo(float).eps * np.abs(knots[:, :n]).max()
+        least = 1e-10 * moved.max() + 100.0 * rounding
+        return float(np.trace(self._metric.matrix(knots[0, :n])) * least**2 / mean**3)
 
     def states(
         self, start: Array, times: Array, tension: float, tolerance: float, max_steps: int

@@ -27,6 +27,7 @@ from geodesic_ocp.retargeting.paired_arm import (
     middle_of_ranges,
     nearest_configurations,
 )
+from geodesic_ocp.retargeting.revolutions import periods, shorter_way, unwrapped
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 
@@ -383,7 +384,10 @@ def best_candidates(
     layers: Sequence[Candidates],
     lacks: Lacks | None = None,
 ) -> StartConfigurations:
-    """Return the shortest path through the candidates; see `find_start`."""
+    """Return the shortest path through the candidates; see `find_start`.
+
+    Between them, continuous joints turn the shorter way.
+    """
     every = np.vstack([layer.q for layer in layers])
     ends = np.cumsum([len(layer.q) for layer in layers])[:-1]
     (_, masses), dof = _mass_matrices(waypoints.arm).at("value", every, np.zeros(0)), every.shape[1]
@@ -400,17 +404,23 @@ def best_candidates(
         assert lacks is not None
         return _TOO_NEAR * lacks(np.array([layers[layer].q[index] for layer, index in nodes]))
 
+    period = periods(waypoints.arm, waypoints.limited)
     further = None if lacks is None else too_near
     chosen, cost = shortest_path(nodes, edges, further)
     if weights.detour:
 
         def detours(layer: int, first: Any, second: Any) -> Array:
-            middle = (layers[layer].q[first] + layers[layer + 1].q[second]) / 2.0
+            here = layers[layer].q[first]
+            middle = here + shorter_way(layers[layer + 1].q[second] - here, period) / 2.0
             return weights.detour * off_the_way(waypoints, layer, middle)
 
         edges = with_further_edges(nodes, edges, detours, chosen, cost)
         chosen, cost = shortest_path(nodes, edges, further)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
+    free = np.full(dof, np.inf)
+    bounds = (waypoints.arm.lower, waypoints.arm.upper) if waypoints.limited else (-free, free)
+    middle = middle_of_ranges(waypoints.arm)[0] if waypoints.start is None else None
+    q = unwrapped(q, period, bounds, middle)
     pairs = list(zip(layers, chosen, strict=True))
     missed = np.array([layer.missed[index] for layer, index in pairs])
     allowed = np.array([layer.allowed[index] for layer, index in pairs])
@@ -432,7 +442,8 @@ def _edge_costs(
 ) -> Array:
     here, there = layers[number].q, layers[number + 1].q
     duration = waypoints.durations[number]
-    change = there[None, :, :] - here[:, None, :]
+    period = periods(waypoints.arm, waypoints.limited)
+    change = shorter_way(there[None, :, :] - here[:, None, :], period)
     first = np.einsum("abi,abi->ab", change @ matrices[number], change)
     forces = (change.swapaxes(0, 1) @ matrices[number + 1]).swapaxes(0, 1)
     last = np.einsum("abi,abi->ab", forces, change)

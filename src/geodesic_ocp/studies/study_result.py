@@ -217,12 +217,23 @@ class StudyResult:
         return {key: f"{name} ({key})" if count[name] > 1 else name for key, name in labels.items()}
 
     def _column(self, measure: str) -> Series:
-        """Return a measure of every row of `_rows`; NaN where it is not known."""
+        """Return a measure of every row of `_rows`; NaN where it is not known.
+
+        Errors over a part of the segments are not: no other method's errors are over this part.
+        """
         chosen, rows = as_measure(measure), self._rows
         values = rows[chosen.column].astype(float)
+        if chosen.column != "segments":
+            values = values.where(~self._is_partial)
         if measure == "segments_per_second":
             values = values / rows["duration_s"].where(rows["duration_s"] > 0.0)
         return values.where(np.isfinite(values))
+
+    @cached_property
+    def _is_partial(self) -> Series:
+        """Whether some segments of a row of `_rows` have no geodesic."""
+        lacking = self._rows["segments_found"] < self._rows["segments"]
+        return lacking.fillna(False).astype(bool)
 
     def _values(self, measure: str) -> DataFrame:
         """Return the rows that have a measure, in the column `value`.
@@ -557,14 +568,18 @@ class StudyResult:
             left_out = _count(len(self.failures), "recording")
             notes.append(f"{left_out} left out of the analysis ({why}).")
         total = rows["recording"].nunique()
-        known = (
-            rows[rows["joint_error_rad"].notna()]
-            .groupby("method", observed=False)["recording"]
-            .nunique()
-        )
+        partial = self._is_partial
         for method, label in self.methods.items():
-            if missing := total - known[method]:
+            own = rows["method"] == method
+            known = rows.loc[own & rows["joint_error_rad"].notna() & ~partial, "recording"]
+            if missing := total - known.nunique():
                 notes.append(f"{label}: no result in {missing} of {_count(total, 'recording')}.")
+            if (some := rows[own & partial & rows["joint_error_rad"].notna()]).size:
+                found = f"{some['segments_found'].sum()} of {some['segments'].sum()} segments"
+                notes.append(
+                    f"{len(some)} of these have geodesics for {found}; their errors over those, in "
+                    "the table of recordings, are no part of means and tests."
+                )
         notes += [*self._caveats, *self._spread]
         notes += doubtful_recordings(rows.drop_duplicates("recording").to_dict("records"))
         notes += [f"{may_be_one(names)}." for names in alike(self.subjects)]

@@ -66,6 +66,7 @@ RECORDINGS: dict[str, Kind] = {
     "method": "text",  # key in `Analysis.errors`
     "method_label": "text",  # the method in words, as in `Analysis.table`
     "segments": "integer",  # of the method; missing if the method has none
+    "segments_found": "integer",  # with a geodesic; errors are means over their samples
     # What 90 % of motions with the recording's noise have, and its stable cuts; on request.
     "segments_low": "integer",
     "segments_high": "integer",
@@ -114,7 +115,8 @@ def recording_rows(
     effort: bool = False,
     spread: Uncertainty | None = None,
 ) -> list[Row]:
-    """Return one row for each method; errors of a method without geodesics are missing.
+    """Return one row for each method; errors of a method without any geodesic are missing, those of
+    one that has geodesics for some segments are means over these.
 
     The uncertainty, if it is given, is in the row of the geodesics of the analysis.
 
@@ -139,10 +141,11 @@ def recording_rows(
             "method": method,
             "method_label": labels.get(method, labels["riemannian"]),  # which is the same metric
             "segments": analysis.segment_counts.get(method),
+            "segments_found": analysis.segments_found(method),
         }
         | _errors(analysis.errors.get(method))
         | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
-        for method in (*analysis.errors, *analysis.not_found)
+        for method in dict.fromkeys((*analysis.errors, *analysis.not_found))
     ]
     if spread is not None:
         (low, high), (least, most) = spread.count_range, spread.error_range("joint")
@@ -158,6 +161,7 @@ def recording_rows(
             "method": key_of(name),
             "method_label": name,
             "segments": len(analysis.segments),
+            "segments_found": 0 if errors is None else len(analysis.segments),
         }
         rows.append(same | own | _errors(errors) | _errors(unfiltered.get(name), "_unfiltered"))
     return rows

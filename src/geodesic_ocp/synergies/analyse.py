@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from inspect import signature
 from itertools import chain
@@ -19,7 +19,7 @@ from geodesic_ocp.drawing.arm_shapes import Postures
 from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
 from geodesic_ocp.drawing.best_view import across, best_view
 from geodesic_ocp.drawing.styles import in_degrees, new_figure, save_figure
-from geodesic_ocp.errors import GeodesicOcpError, NotConverged
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
     JOINT_INERTIA,
@@ -38,15 +38,16 @@ from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import check_plausible, check_units
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
-from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
+from geodesic_ocp.synergies.scores import MotionErrors, errors_between, motion_errors
 from geodesic_ocp.synergies.second_order import OF_A_GEODESIC, SECOND_ORDER, second_order_names
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
 from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.synergy import (
-    Reconstruction,
+    PlannedSegments,
     Synergy,
     as_segments,
-    reconstruct,
+    plan_segments,
+    reconstruction,
     save_synergies,
 )
 from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
@@ -92,7 +93,9 @@ class Analysis:
             the metric itself is left out, unless it is straight lines.
         errors_unfiltered: the same against the unfiltered motion; empty if it is not known, as
             `Motion.filtered` was not used.
-        not_found: methods of the comparison that have no geodesic for some segment.
+        not_found: methods of the comparison that have no geodesic for some segment; their errors
+            are means over the samples of the other segments, and there is no prediction of theirs.
+        without_geodesic: of these methods, the indices of the segments that have none.
         cutting: how the motion was cut, from metric and motion; None if the segments were given.
         noise: noise of the motion; None is that of the residuals of its filter.
     """
@@ -110,6 +113,7 @@ class Analysis:
     not_found: tuple[str, ...] = ()
     cutting: Cutting | None = None
     noise: Noise | None = None
+    without_geodesic: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (
@@ -161,13 +165,35 @@ class Analysis:
             raise ValueError("the unfiltered motion is not known: use Motion.filtered")
         errors = self.errors_unfiltered if unfiltered else self.errors
         rows = [
-            (label, self.segment_counts.get(method), *self._entries(errors.get(method)))
+            (label, self._segments_of(method), *self._entries(errors.get(method)))
             for method, label in self.labels().items()
         ]
-        lacking = ", ".join(self.labels()[method] for method in self.not_found)
+        lacking = "; ".join(map(self._lacking, self.not_found))
         notes = (f"Not found: {lacking}." if lacking else "", self.motion.caveat)
         note = " ".join(filter(None, notes))
         return new_table(("method", "segments", *self._columns), rows, note)
+
+    def segments_found(self, method: str) -> int | None:
+        """Return how many segments of a method have a geodesic; None if it has no segments."""
+        count = self.segment_counts.get(method)
+        return None if count is None else count - len(self.without_geodesic.get(method, ()))
+
+    def _segments_of(self, method: str) -> int | str | None:
+        """Return the number of segments of a method, as "7 of 8" if some have no geodesic."""
+        count = self.segment_counts.get(method)
+        found = self.segments_found(method)
+        return count if found == count else f"{found} of {count}"
+
+    def _lacking(self, method: str) -> str:
+        """Return the name of a method that lacks geodesics, and of which segments."""
+        label = self.labels()[method]
+        spans = [
+            "{:.2f} to {:.2f} s".format(*self.motion.time[list(self.segments[number])])
+            for number in self.without_geodesic.get(method, ())
+        ]
+        if not spans or not self.segments_found(method):
+            return label
+        return f"{label} from {' and '.join(spans)}, where its errors do not count"
 
     @property
     def _columns(self) -> list[str]:
@@ -454,7 +480,7 @@ def analyse(
 
     Warns:
         RuntimeWarning: a metric that is only compared has no geodesic for a segment; see
-            `Analysis.not_found`.
+            `Analysis.not_found`. Its errors are means over the other segments.
     """
     report = progress or no_progress
     if isinstance(model, Motion):
@@ -481,55 +507,70 @@ def analyse(
     planned = [("riemannian", metric, cut), *((name, its, cut) for name, its in compared.items())]
     planned.append(("euclidean", Euclidean(model.dof), zero_velocity))
     counts = {method: len(its_segments) for method, _, its_segments in planned}
-    total, finished, done, label = sum(counts.values()) + 1, 0, 0, ""
+    total, finished, label = sum(counts.values()) + 1, 0, ""
 
     def advance(number: int) -> None:
-        nonlocal done
-        done = number
         report(label, finished + number, total)
 
-    found: dict[str, Reconstruction] = {}
+    found: dict[str, PlannedSegments] = {}
     for method, its_metric, its_segments in planned:
-        lines, done = isinstance(its_metric, Euclidean), 0
+        lines = isinstance(its_metric, Euclidean)
         label = "planning straight lines" if lines else "planning geodesics"
-        try:
-            found[method] = reconstruct(its_metric, motion, its_segments, progress=advance)
-        except GeodesicOcpError as error:
-            if method not in compared:
-                raise
-            start, stop = its_segments[done]
+        found[method] = plan_segments(
+            its_metric, motion, its_segments, progress=advance, throw=method not in compared
+        )
+        if failures := found[method].failures:
+            spans = [its_segments[number] for number in failures]
+            named = ", ".join(
+                f"{motion.time[start]:.3f} to {motion.time[stop]:.3f} s (samples {start} to {stop})"
+                for start, stop in spans
+            )
+            rest = "its errors are means over the others"
+            if not found[method].synergies:
+                rest = "it is left out of the comparison"
             warnings.warn(
-                f"{method.replace('_', ' ')}: no geodesic was found for the segment from "
-                f"{motion.time[start]:.3f} to {motion.time[stop]:.3f} s (samples {start} to "
-                f"{stop}), so that it is left out of the comparison: {error}",
+                f"{method.replace('_', ' ')}: no geodesic was found for {len(failures)} of "
+                f"{len(its_segments)} segments, {named}, so that {rest}: "
+                f"{next(iter(failures.values()))}",
                 RuntimeWarning,
                 stacklevel=2,
             )
         finished += len(its_segments)
     found.setdefault("euclidean_same_segments", found["riemannian"])
     report("tracking the hand", finished, total)
-    predictions = {method: found[method].predicted for method in found}
-    predictions["ik"] = track_hand(model, motion)
+    predictions = {
+        method: reconstruction(each, motion).predicted
+        for method, each in found.items()
+        if not each.failures
+    }
+    tracked = track_hand(model, motion)
+    predictions["ik"] = tracked
+    predicted = {method: each.q for method, each in found.items() if each.synergies}
+    predicted["ik"] = tracked.q
     report("done", total, total)
     observed = [motion]
     if motion.unfiltered is not None:
         observed.append(Motion(motion.time, motion.unfiltered, motion.joint_names))
     errors = [
-        {method: motion_errors(model, seen, each) for method, each in predictions.items()}
+        {method: errors_between(model, seen.q, q) for method, q in predicted.items()}
         for seen in observed
     ]
+    without_geodesic = {
+        method: tuple(each.failures) for method, each in found.items() if each.failures
+    }
     return Analysis(
         model=model,
         motion=motion,
         metric=metric,
         segments=tuple(cut),
         synergies=found["riemannian"].synergies,
-        predicted=found["riemannian"].predicted,
-        segment_counts=counts | {method: len(found[method].synergies) for method in found},
+        predicted=predictions["riemannian"],
+        segment_counts=counts | {"euclidean_same_segments": len(cut)},
         predictions=predictions,
         errors=errors[0],
         errors_unfiltered=errors[1] if len(errors) > 1 else {},
-        not_found=tuple(method for method in compared if method not in found),
+        not_found=tuple(without_geodesic),
         cutting=cutting,
         noise=noise,
+        without_geodesic=without_geodesic,
     )

@@ -97,13 +97,23 @@ def motion_errors(model: Model, observed: Motion, predicted: Motion) -> MotionEr
         ValueError: a joint of the model is missing, or the two differ in their sample times.
     """
     observed, predicted = _comparable(model, observed, predicted)
+    return errors_between(model, observed.q, predicted.q)
+
+
+def errors_between(model: Model, observed: Array, predicted: Array) -> MotionErrors:
+    """Return mean errors of predicted configurations (k, n) of the model's joints, over the rows
+    that are known: rows of NaN do not count.
+    """
+    known = np.isfinite(predicted).all(axis=1)
+    observed = observed[known]
+    predicted = predicted[known]
     hands = []
     for label, hand in zip(hand_labels(model.hands), model.hands, strict=True):
-        poses, targets = (model.frame_pose(hand, each.q) for each in (predicted, observed))
+        poses, targets = (model.frame_pose(hand, each) for each in (predicted, observed))
         errors = pose_errors(poses, targets)
         hands.append(HandErrors(label, errors.position, errors.orientation))
     return MotionErrors(
-        joint=float(np.mean(np.abs(predicted.q - observed.q))),
+        joint=float(np.mean(np.abs(predicted - observed))),
         position=float(np.mean([each.position for each in hands])),
         orientation=float(np.mean([each.orientation for each in hands])),
         hands=tuple(hands) if len(hands) > 1 else (),

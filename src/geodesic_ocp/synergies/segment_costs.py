@@ -176,7 +176,7 @@ def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, st
         NotConverged, IntegrationFailed: no geodesic was found, or it cannot be sampled.
     """
     q0, q1 = motion.q[start], motion.q[stop]
-    velocity = log(metric, q0, q1)
+    velocity = log(metric, q0, q1, wrap=False)  # the way that was recorded
     length = float(metric.norm(q0, velocity))
     samples = motion.time[start : stop + 1]
     if not length > 0.0:

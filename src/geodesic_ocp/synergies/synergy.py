@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
+from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
@@ -159,6 +160,65 @@ class Reconstruction(NamedTuple):
         return f"Reconstruction({len(self.synergies)} synergies, {duration:.3f} s)"
 
 
+class PlannedSegments(NamedTuple):
+    """Synergies of those segments of a motion for which geodesics were found.
+
+    Attributes:
+        synergies: those that were found.
+        q, velocity: predicted (k, n); NaN at the samples of segments without a geodesic.
+        failures: why there is none, by the index of the segment.
+    """
+
+    synergies: tuple[Synergy, ...]
+    q: Array
+    velocity: Array
+    failures: dict[int, Exception]
+
+
+def plan_segments(
+    metric: Metric,
+    motion: Motion,
+    segments: Sequence[tuple[int, int]],
+    *,
+    progress: Callable[[int], object] | None = None,
+    throw: bool = False,
+) -> PlannedSegments:
+    """Return what `reconstruct` returns, for those segments that have a geodesic.
+
+    Args:
+        metric, motion, segments, progress: see `reconstruct`.
+        throw: raise the error of the first segment without a geodesic.
+
+    Raises:
+        ValueError: see `reconstruct`.
+        NotConverged, IntegrationFailed, ValueError: with `throw`, there is no geodesic.
+    """
+    segments = as_segments(motion, segments)
+    speed = speeds(metric, motion)
+    synergies: list[Synergy] = []
+    failures: dict[int, Exception] = {}
+    for number, (start, stop) in enumerate(segments):
+        try:
+            # Continuous joints turn the way that was recorded, also the longer one.
+            path = geodesic(metric, motion.q[start], motion.q[stop], wrap=False)
+            law = law_of_segment(motion, speed, path.length, start, stop)
+        except (GeodesicOcpError, ValueError) as failure:  # as where the metric is singular
+            if throw:
+                raise
+            failures[number] = failure
+        else:
+            synergies.append(Synergy(start, stop, float(motion.time[start]), path, law))
+        if progress is not None:
+            progress(number + 1)
+    q = np.full_like(motion.q, np.nan)
+    velocity = np.full_like(motion.q, np.nan)
+    for synergy in synergies:
+        # A shared sample belongs to the synergy that starts there.
+        samples = slice(synergy.start, synergy.stop + 1)
+        q[samples], velocity[samples] = synergy.states(motion.time[samples], 1)
+    return PlannedSegments(tuple(synergies), q, velocity, failures)
+
+
 def reconstruct(
     metric: Metric,
     motion: Motion,
@@ -194,22 +254,14 @@ def reconstruct(
         ValueError: the segments do not cover the motion, or there are no velocities.
         NotConverged: no geodesic was found for a segment.
     """
-    segments = as_segments(motion, segments)
-    speed = speeds(metric, motion)
-    synergies: list[Synergy] = []
-    for start, stop in segments:
-        path = geodesic(metric, motion.q[start], motion.q[stop])
-        law = law_of_segment(motion, speed, path.length, start, stop)
-        synergies.append(Synergy(start, stop, float(motion.time[start]), path, law))
-        if progress is not None:
-            progress(len(synergies))
-    q, velocity = np.empty_like(motion.q), np.empty_like(motion.q)
-    for synergy in synergies:
-        # A shared sample belongs to the synergy that starts there.
-        samples = slice(synergy.start, synergy.stop + 1)
-        q[samples], velocity[samples] = synergy.states(motion.time[samples], 1)
-    predicted = Motion(motion.time, q, motion.joint_names, velocity, motion.subject)
-    return Reconstruction(tuple(synergies), predicted)
+    planned = plan_segments(metric, motion, segments, progress=progress, throw=True)
+    return reconstruction(planned, motion)
+
+
+def reconstruction(planned: PlannedSegments, motion: Motion) -> Reconstruction:
+    """Return the synergies of all segments, and the motion that they predict."""
+    predicted = Motion(motion.time, planned.q, motion.joint_names, planned.velocity, motion.subject)
+    return Reconstruction(planned.synergies, predicted)
 
 
 def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop: int) -> TimeLaw:

@@ -180,10 +180,12 @@ static int motion_factor(const motion_level *grid, const blas *library, int segm
 }
 
 /* Newton's method over the free variables of x. It ends where the step would decrease the action by
-   less than the level's fraction, on the last level only with the full Hessian positive definite. */
+   less than the level's fraction, or than rounding, as the least action may vanish; on the last level
+   only with the full Hessian positive definite. */
 static int motion_minimize(const motion_level *grid, const blas *library, int segments,
-                           const double *durations, const char *is_free, int is_last, double *x,
-                           double *share, double *action, motion_workspace *w, long *steps) {
+                           const double *durations, const char *is_free, int is_last,
+                           double rounding, double *x, double *share, double *action,
+                           motion_workspace *w, long *steps) {
   char upper = 'U';
   int size = (4 + grid->bubbles) * N, total = (int)motion_size(grid, segments), kd = size - 1;
   int one = 1, info, halvings, i, failure;
@@ -200,7 +202,7 @@ static int motion_minimize(const motion_level *grid, const blas *library, int se
     ++*steps;
     *action = now;
     if (!(decrement < 1e300 && now < 1e300)) return MOTION_NOT_FINITE;
-    if (decrement <= grid->decrease * now && (*share == 1 || !is_last)) {
+    if (decrement <= grid->decrease * now + rounding && (*share == 1 || !is_last)) {
       for (i = 0; i < total; i++) x[i] += w->step[i];
       return MOTION_FOUND;
     }
@@ -208,7 +210,7 @@ static int motion_minimize(const motion_level *grid, const blas *library, int se
       if (halvings == 14) return MOTION_NO_DECREASE;
       for (i = 0; i < total; i++) w->trial[i] = x[i] + length * w->step[i];
       tried = action_of(grid, segments, durations, w->trial, halvings ? 0 : w->points, w);
-      if (tried <= now - 1e-4 * length * decrement + 1e-13 * now) break;
+      if (tried <= now - 1e-4 * length * decrement + 1e-13 * now + rounding) break;
       length *= 0.4;
     }
     memcpy(x, w->trial, sizeof(double) * total);
@@ -306,9 +308,9 @@ static int motion_condense(const motion_level *grid, const blas *library, int se
 /* Minimize on all levels, from knots and coefficients x of the first, which is replaced by that of
    the last level; then condense. is_free is of the variables of the knots (knots, 2 N). */
 int find_motion(const blas *library, const motion_level *levels, int count, int segments,
-                const double *durations, double tension, const char *knots, double *memory,
-                char *flags, double *x, double *action, double *gradients, double *hessians,
-                long *steps) {
+                const double *durations, double tension, double rounding, const char *knots,
+                double *memory, char *flags, double *x, double *action, double *gradients,
+                double *hessians, long *steps) {
   motion_workspace w;
   double share = 1;
   int l, failure;
@@ -325,7 +327,7 @@ int find_motion(const blas *library, const motion_level *levels, int count, int 
     for (i = 0; i < total; i++)
       flags[i] = i % width < 2 * N ? knots[i / width * 2 * N + i % width] : 1;
     if ((failure = motion_minimize(levels + l, library, segments, durations, flags, l == count - 1,
-                                   x, &share, action, &w, steps)))
+                                   rounding, x, &share, action, &w, steps)))
       return failure + 10 * l;
   }
   return motion_condense(levels + count - 1, library, segments, durations, x, gradients, hessians, &w);
