@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -218,3 +220,67 @@ def test_forces_of_joint_limits_have_the_right_sign_except_around_switching_poin
         assert largest[False] < 1e-6
         wrong.append(largest[True])
     assert wrong[1] < 0.1 * wrong[0]
+
+
+@dataclass(frozen=True)
+class WithCost(go.Problem):
+    """From the origin along x, with a cost of the position."""
+
+    kind: str
+    length: float = 1.0
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, (0.0, 0.0)), (q1, (self.length, 0.0))]
+
+    def cost(self, q: ca.SX, v: ca.SX) -> Any:
+        x, y = q[0], q[1]
+        # A displacement a sin(pi s) of y costs the energy a^2 pi^2 / 4, and k y^2 saves k a^2 / 2.
+        costs = {
+            "-100 y|y|": -100.0 * y * ca.fabs(y),
+            "-6 y|y|": -6.0 * y * ca.fabs(y),
+            "-4 y|y|": -4.0 * y * ca.fabs(y),
+            "-|y|": -ca.fabs(y),
+            "|y|": ca.fabs(y),
+            "floor(x)": ca.floor(x),
+            "floor(x + 5)": ca.floor(x + 5.0),
+        }
+        return costs[self.kind]
+
+
+@pytest.mark.parametrize(
+    ("problem", "is_least"),
+    [
+        (WithCost("-100 y|y|"), False),
+        (WithCost("-6 y|y|"), False),  # 3 > pi^2 / 4
+        (WithCost("-4 y|y|"), True),  # 2 < pi^2 / 4
+        (WithCost("-|y|"), False),
+        (WithCost("|y|"), True),
+        (WithCost("floor(x)", 2.3), False),
+        (WithCost("floor(x + 5)", 0.7), True),  # constant on the way
+    ],
+)
+def test_costs_that_are_not_smooth_are_not_judged_by_derivatives(
+    problem: WithCost, is_least: bool
+) -> None:
+    certificate = go.solve(problem).certificate
+    assert certificate.stationary
+    assert certificate.morse_index == 0
+    assert certificate.locally_shortest == is_least
+    assert certificate.decreases_nearby == (not is_least)
+    assert ("decrease nearby" in str(certificate)) == (not is_least)
+
+
+def test_a_metric_that_is_not_smooth_is_not_judged_by_derivatives() -> None:
+    class Ridge(go.Metric):
+        dim = 2
+
+        def matrix(self, q: ca.SX) -> ca.SX:
+            return (1.0 - ca.fabs(q[1]) / 2.0) * ca.SX.eye(2)
+
+    certificate = go.geodesic(Ridge(), [0.0, 0.0], [1.0, 0.0]).certificate
+    assert certificate.decreases_nearby
+    assert not certificate.locally_shortest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -369,3 +370,19 @@ def test_a_motion_keeps_the_speed_of_its_problem() -> None:
     with pytest.raises(ValueError, match=r"in 1 s q\[0\] would move at 1\.35 times .*in 1\.35 s"):
         solution.to_motion(1.0)
     assert np.abs(solution.to_motion(1.35).velocity).max() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_solutions_come_back_from_other_processes() -> None:
+    """What a process pool does: the problem and the numbers are pickled, also of a failure."""
+    solution = go.solve(PlaneAroundDisc())
+    again = pickle.loads(pickle.dumps(solution))
+    assert_allclose(again.path.nodes, solution.path.nodes, rtol=0.0, atol=0.0)
+    assert again.stats == solution.stats
+    assert str(again.certificate) == str(solution.certificate)
+    for name, values in solution.multipliers.items():
+        assert_allclose(again.multipliers[name], values, rtol=0.0, atol=0.0)
+    with pytest.raises(go.NotConverged) as raised:
+        go.solve(PlaneAroundDisc(), ipopt={"max_iter": 1})
+    failure = pickle.loads(pickle.dumps(raised.value))
+    assert str(failure) == str(raised.value)
+    assert failure.solution.stats == raised.value.solution.stats  # type: ignore[attr-defined]
