@@ -159,7 +159,7 @@ def test_what_was_tried_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(
         go.NotConverged, match=r"tried: .*planner that found no path in 50"
     ) as error:
-        go.solve(closed)
+        go.solve(closed, grid=go.Grid(4, 4))
     assert not error.value.solution.stats.success  # type: ignore[attr-defined]
 
 
