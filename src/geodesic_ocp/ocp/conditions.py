@@ -206,9 +206,9 @@ class Group(ShortRepr):
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of all values, (rows,)."""
+        """Lower and upper bounds of all values, in units of their scales, (rows,)."""
         lower, upper = zip(*((each.lower, each.upper) for each in self.conditions), strict=True)
-        return np.concatenate(lower), np.concatenate(upper)
+        return np.concatenate(lower) / self.scales, np.concatenate(upper) / self.scales
 
     @cached_property
     def scales(self) -> Array:

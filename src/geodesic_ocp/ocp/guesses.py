@@ -101,9 +101,9 @@ class FreeSpace:
 
     def _sides(self, group: Group, q: Array, known: dict[Terms, Array]) -> tuple[Array, Array]:
         """Return how far values at configurations (k, n) lie below and above bounds, (k, rows)."""
-        values = group.values(self.definition.size * q, self._p, known)
+        values = group.values(self.definition.size * q, self._p, known) / group.scales
         lower, upper = group.bounds
-        return (lower - values) / group.scales, (values - upper) / group.scales
+        return lower - values, values - upper
 
     @property
     def _p(self) -> Array:
