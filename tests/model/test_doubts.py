@@ -38,6 +38,14 @@ FAULTS = {
         r"link 'pan_link': no rigid body has .* \(3 kg, moments 0.02, 0.02, 0.2 kg m\^2\)",
     ),
     "grams": (in_grams(), "link 'pan_link' and 5 others: no material is as dense .* in grams"),
+    "kg mm^2": (
+        six_joints().replace(INERTIA, 'ixx="2e4" ixy="0" ixz="0" iyy="2e4" iyz="0" izz="1e4"'),
+        "link 'pan_link' and 5 others: a body of this mass .* lighter than air .* other units",
+    ),
+    "radians as degrees": (
+        six_joints().replace("2.8", f"{np.deg2rad(2.8):.4f}"),
+        "joint 'pan' and 5 others: limits of -0.0489 to 0.0489 rad; were radians read as degrees",
+    ),
     "placeholders": (equal_masses(), "6 of 6 links weigh 1 kg each; is this a placeholder"),
     "degrees": (
         six_joints().replace("2.8", "170"),
@@ -69,6 +77,13 @@ def test_a_fault_is_said_once_and_kept(fault: str) -> None:
     assert model.doubts[0] in model._repr_markdown_()
 
 
+def test_continuous_joints_without_a_limit_have_unknown_ones() -> None:
+    text = six_joints().replace('type="revolute"', 'type="continuous"').replace(LIMIT, "")
+    with pytest.warns(UserWarning, match="no limit on speed is known, .*; .* limit on effort is"):
+        model = go.load_model(text, hand="flange")
+    assert len(model.doubts) == 2
+
+
 def test_a_model_that_is_right_has_no_doubts() -> None:
     """Neither a sound file, nor a person, nor one whose limits have been put right."""
     assert go.load_model(six_joints(), hand="flange").doubts == ()
@@ -92,6 +107,21 @@ def test_solids_of_the_densest_materials_are_possible() -> None:
     for density, is_possible in ((11_340.0, True), (22_000.0, True), (30_000.0, False)):
         mass = 4.0 / 3.0 * np.pi * density * radius**3
         assert (doubts_of(single(mass, [0.4 * mass * radius**2] * 3)) == ()) is is_possible
+
+
+def test_solids_heavier_than_air_are_possible() -> None:
+    """A solid ball again, and a tube of 2 m, 0.1 kg and 1 cm, whose ball would be of 0.3 kg/m^3."""
+    radius = 0.3
+    for density, is_possible in ((1.3, True), (1.2, False)):
+        mass = 4.0 / 3.0 * np.pi * density * radius**3
+        assert (doubts_of(single(mass, [0.4 * mass * radius**2] * 3)) == ()) is is_possible
+    across = 0.1 * 2.0**2 / 12.0
+    assert doubts_of(single(0.1, (0.1 * 0.01**2, across, across))) == ()
+
+
+def test_one_narrow_joint_is_no_doubt() -> None:
+    first = six_joints().replace("2.8", "0.1", 2)
+    assert go.load_model(first, hand="flange").doubts == ()
 
 
 def single(mass: float, moments: object) -> pin.Model:

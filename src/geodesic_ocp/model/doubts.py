@@ -13,6 +13,7 @@ from geodesic_ocp.model.joints import link_of, motion_subspace
 
 NO_LIMIT = 1e5  # [rad, rad/s or N m]: numbers in files from here on stand for no limit
 _DENSEST = 22_590.0  # [kg/m^3], osmium (CRC Handbook of Chemistry and Physics)
+_AIR = 1.225  # [kg/m^3], at sea level (International Standard Atmosphere)
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,16 @@ class _Link:
         radius = (3.0 * self.mass / (4.0 * np.pi * _DENSEST)) ** (1.0 / 3.0)
         return bool(sum(self.moments) < 6.0 / 5.0 * self.mass * radius**2)
 
+    @property
+    def is_lighter_than_air(self) -> bool:
+        """True if the solid ellipsoid of this mass and these moments would rise in air.
+
+        Its semi-axes are a^2 = 5 (B + C - A) / (2 m), where A, B, C are the moments.
+        """
+        squares = 2.5 * (sum(self.moments) - 2.0 * np.array(self.moments)) / self.mass
+        volume = 4.0 / 3.0 * np.pi * np.sqrt(np.prod(np.maximum(squares, 0.0)))
+        return bool(self.mass < _AIR * volume)
+
 
 def doubts_of(model: pin.Model) -> tuple[str, ...]:
     """Return what can hardly be right in a model with one coordinate per joint, a sentence each.
@@ -55,8 +66,11 @@ def doubts_of(model: pin.Model) -> tuple[str, ...]:
     - Principal moments of inertia a <= b <= c of a body satisfy c <= a + b.
     - Of all bodies of a mass m, a solid ball has the least moments, a + b + c = 6/5 m r^2. If it
       had to be denser than any material, the mass is in grams or the moments are placeholders.
+    - The other way round, moments as large as those of a solid body that is lighter than air are in
+      other units, such as kg mm^2, or placeholders.
     - The same mass of most links, and of at least four, is a placeholder.
     - Revolute joints do not have limits of more than two turns; as degrees they are possible.
+      Nor are all of their limits smaller than those of two turns whose radians are read as degrees.
     - They do not turn more than ten times a second; as degrees per second they are slow.
     - A limit of 0 on speed or effort is an unknown one.
     """
@@ -103,6 +117,12 @@ def _inertia_doubts(links: Sequence[_Link]) -> Iterator[str]:
             f"{_links(impossible)}: no rigid body has moments of which the largest is "
             f"larger than the sum of the others ({impossible[0].described})"
         )
+    light = [link for link in links if link.is_possible and link.is_lighter_than_air]
+    if light:
+        yield (
+            f"{_links(light)}: a body of this mass and these moments is lighter than air "
+            f"({light[0].described}); are moments in other units than kg m^2, or placeholders?"
+        )
     dense = [link for link in links if link.is_possible and link.is_too_dense]
     if dense:
         yield (
@@ -130,6 +150,12 @@ def _limit_doubts(model: pin.Model) -> Iterator[str]:
         first = wide[0]
         shown = f"{model.lowerPositionLimit[first]:.4g} to {model.upperPositionLimit[first]:.4g}"
         yield f"{_joints(names, wide)}: limits of {shown} rad; are these degrees?"
+    limited = [k for k in range(model.nv) if turning[k] and 0.0 < limits[k] < NO_LIMIT]
+    narrow = [k for k in limited if limits[k] <= np.deg2rad(4.0 * np.pi)]
+    if len(narrow) > 1 and len(narrow) == np.count_nonzero(turning):
+        first = narrow[0]
+        shown = f"{model.lowerPositionLimit[first]:.3g} to {model.upperPositionLimit[first]:.3g}"
+        yield f"{_joints(names, narrow)}: limits of {shown} rad; were radians read as degrees?"
     speeds = model.velocityLimit
     turns = speeds / (2.0 * np.pi)  # per second
     # The fastest joints of legged robots turn 8 times a second (52 rad/s, Unitree Laikago), those
