@@ -13,7 +13,7 @@ from geodesic_ocp.model.joints import link_of, motion_subspace
 
 NO_LIMIT = 1e5  # [rad, rad/s or N m]: numbers in files from here on stand for no limit
 _DENSEST = 22_590.0  # [kg/m^3], osmium (CRC Handbook of Chemistry and Physics)
-_AIR = 1.225  # [kg/m^3], at sea level (International Standard Atmosphere)
+_PER_KG_CM2 = 1e-4  # [kg m^2], of the units of CAD programs the next larger numbers
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,15 @@ class _Link:
         return bool(sum(self.moments) < 6.0 / 5.0 * self.mass * radius**2)
 
     @property
-    def is_lighter_than_air(self) -> bool:
-        """True if the solid ellipsoid of this mass and these moments would rise in air.
+    def may_be_in_kg_cm2(self) -> bool:
+        """True if a solid ellipsoid of this mass and of these moments in kg cm^2 is not too dense.
 
         Its semi-axes are a^2 = 5 (B + C - A) / (2 m), where A, B, C are the moments.
         """
-        squares = 2.5 * (sum(self.moments) - 2.0 * np.array(self.moments)) / self.mass
+        moments = _PER_KG_CM2 * np.array(self.moments)
+        squares = 2.5 * (moments.sum() - 2.0 * moments) / self.mass
         volume = 4.0 / 3.0 * np.pi * np.sqrt(np.prod(np.maximum(squares, 0.0)))
-        return bool(self.mass < _AIR * volume)
+        return bool(self.mass < _DENSEST * volume)
 
 
 def doubts_of(model: pin.Model) -> tuple[str, ...]:
@@ -66,8 +67,9 @@ def doubts_of(model: pin.Model) -> tuple[str, ...]:
     - Principal moments of inertia a <= b <= c of a body satisfy c <= a + b.
     - Of all bodies of a mass m, a solid ball has the least moments, a + b + c = 6/5 m r^2. If it
       had to be denser than any material, the mass is in grams or the moments are placeholders.
-    - The other way round, moments as large as those of a solid body that is lighter than air are in
-      other units, such as kg mm^2, or placeholders.
+    - The other way round, moments that are possible in kg cm^2, ten thousand times smaller, are in
+      this unit or in one with larger numbers, or placeholders. Links would have to be as dense as
+      22.6 g/m^3 for it.
     - The same mass of most links, and of at least four, is a placeholder.
     - Revolute joints do not have limits of more than two turns; as degrees they are possible.
       Nor are all of their limits smaller than those of two turns whose radians are read as degrees.
@@ -117,11 +119,11 @@ def _inertia_doubts(links: Sequence[_Link]) -> Iterator[str]:
             f"{_links(impossible)}: no rigid body has moments of which the largest is "
             f"larger than the sum of the others ({impossible[0].described})"
         )
-    light = [link for link in links if link.is_possible and link.is_lighter_than_air]
-    if light:
+    large = [link for link in links if link.is_possible and link.may_be_in_kg_cm2]
+    if large:
         yield (
-            f"{_links(light)}: a body of this mass and these moments is lighter than air "
-            f"({light[0].described}); are moments in other units than kg m^2, or placeholders?"
+            f"{_links(large)}: such large moments are not those of a body of this mass "
+            f"({large[0].described}); are they in kg cm^2 or kg mm^2, or placeholders?"
         )
     dense = [link for link in links if link.is_possible and link.is_too_dense]
     if dense:

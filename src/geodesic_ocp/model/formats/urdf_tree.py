@@ -108,9 +108,9 @@ def _check_parents(root: ET.Element, name: str) -> None:
 def complete_tree(root: ET.Element, name: str) -> dict[str, str]:
     """Fill in what the parser wants and the file does not state; the tree is modified.
 
-    A limit on effort or speed that is left out becomes 0, which stands for an unknown one, also of
-    continuous joints without a <limit>. A joint without the <limit> that it must have gets an empty
-    range. Returns these joints, which cannot move, each with the reason.
+    A limit on effort or speed that is left out becomes 0, which stands for an unknown one. A joint
+    without the <limit> that it must have gets an empty range. Returns these joints, which cannot
+    move, each with the reason.
     """
     for dynamics in root.iterfind("joint/dynamics"):
         # The parser rejects the element unless it has one of its standard attributes.
@@ -121,10 +121,9 @@ def complete_tree(root: ET.Element, name: str) -> dict[str, str]:
         limit = joint.find("limit")
         kind = joint.get("type", "")
         if limit is None and kind in _LIMITED:
+            limit = ET.SubElement(joint, "limit")
             label = joint.get("name", "")
             immovable[label] = f"{name}: joint {label!r} is {kind} and has no <limit>"
-        if limit is None and kind in (*_LIMITED, "continuous"):
-            limit = ET.SubElement(joint, "limit")
         if limit is not None:
             for key in ("effort", "velocity"):
                 limit.set(key, limit.get(key, "0"))
