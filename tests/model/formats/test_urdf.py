@@ -150,6 +150,12 @@ def test_a_joint_without_limits_that_does_not_move_is_locked() -> None:
         go.load_model(text, hand="mast")
 
 
+def test_angles_of_placements_in_degrees_are_said() -> None:
+    turned = urdf(two_origin='xyz="0 0 0.5" rpy="0 0 90"')
+    with pytest.warns(UserWarning, match="joint 'j_two': rpy is '0 0 90' rad; are these degrees"):
+        go.load_model(turned, hand="grip")
+
+
 def test_what_the_parser_leaves_out_is_said(capfd: pytest.CaptureFixture[str]) -> None:
     """The parser in C++ says it on the standard error stream alone."""
     nameless = urdf().replace("</robot>", "<material/></robot>")

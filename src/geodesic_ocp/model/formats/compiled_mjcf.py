@@ -194,11 +194,12 @@ class _GrowingModel:
 
 def _empty_ranges(native: Any, name: str) -> list[str]:
     """Return warnings about ranges that MuJoCo ignores, as the lower limit is above the upper."""
-    lower, upper = native.jnt_range.T
+    ranges = native.jnt_range
+    swapped = (ranges[:, 0] > ranges[:, 1]) & (native.jnt_limited == 0)
     return [
         f"{name}: joint {name_of(native.joint(number))!r} has no limits, as its lower one, "
-        f"{lower[number]:g}, lies above the upper, {upper[number]:g}"
-        for number in np.flatnonzero((lower > upper) & (native.jnt_limited == 0)).tolist()
+        f"{ranges[number, 0]:g}, lies above the upper, {ranges[number, 1]:g}"
+        for number in np.flatnonzero(swapped).tolist()
     ]
 
 

@@ -276,10 +276,13 @@ def _has_limits(joint: ET.Element, name: str) -> bool:
     if joint.get("limited") == "false" or (given := joint.get("range")) is None:
         return False
     location = f"{name}: range of joint {joint.get('name')!r}"
-    lower, upper = _numbers(given, 2, location)
-    if lower > upper or (lower == upper and joint.get("limited") == "true"):
-        raise ValueError(f"{location}: the lower limit {lower:g} must be below the upper {upper:g}")
-    return lower < upper
+    limits = _numbers(given, 2, location)
+    span = limits[1] - limits[0]
+    if span < 0.0 or (span == 0.0 and joint.get("limited") == "true"):
+        raise ValueError(
+            f"{location}: the lower limit {limits[0]:g} must be below the upper {limits[1]:g}"
+        )
+    return span > 0.0
 
 
 def _in_degrees(root: ET.Element) -> bool:

@@ -53,11 +53,11 @@ def _check_inertial(inertial: ET.Element, location: str) -> None:
         if key in ("xyz", "rpy") and len(floats(given)) != 3:
             raise ValueError(f"{location}: <inertial>: {key} is {given!r}, not three numbers")
     for tag, keys in _INERTIAL.items():
-        stated = inertial.find(tag)
-        for key in keys if stated is not None else ():
-            if stated.get(key) is None:
-                raise ValueError(f"{location}: <{tag}> has no {key}")
-            number(stated, key, 0.0, f"{location}: <{tag}>")
+        for stated in inertial.findall(tag):
+            for key in keys:
+                if stated.get(key) is None:
+                    raise ValueError(f"{location}: <{tag}> has no {key}")
+                number(stated, key, 0.0, f"{location}: <{tag}>")
     if inertial.find("mass") is None:
         raise ValueError(f"{location}: <inertial> has no <mass>")
 
