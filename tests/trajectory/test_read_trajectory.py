@@ -160,6 +160,12 @@ def test_malformed_archives_are_named_by_array(tmp_path: Path) -> None:
     np.savez(file, time=np.arange(3.0), position=np.zeros((2, 1)), joint_names=names)
     with pytest.raises(ValueError, match=r"bad\.npz: positions must have shape \(3, 1\)"):
         read_trajectory(file)
+    np.savez(file, time=np.array([0.0, 1.0, np.inf]), position=np.zeros((3, 1)), joint_names=names)
+    with pytest.raises(ValueError, match=r"bad\.npz: time must be finite, sample 2 is not"):
+        read_trajectory(file)
+    np.savez(file, time=np.zeros((3, 1)), position=np.zeros((3, 1)), joint_names=names)
+    with pytest.raises(ValueError, match=r"bad\.npz: time must have shape \(3,\), got \(3, 1\)"):
+        read_trajectory(file)
 
 
 def test_missing_and_other_files_are_named(tmp_path: Path) -> None:

@@ -234,9 +234,10 @@ def _even(time: Array) -> Array:
     last by as much. Where there are fewer than two digits in a step, a sample that was left out
     looks the same.
     """
-    steps = np.diff(time)
+    if time.ndim != 1 or time.size < 2 or not np.all(np.isfinite(time)):
+        return time  # the trajectory names what is wrong
     digit = last_digit(time)
-    if not steps.size or np.ptp(steps) < digit / 2.0:
+    if np.ptp(np.diff(time)) < digit / 2.0:
         return time
     even = np.linspace(time[0], time[-1], time.size)
     is_rounded = np.abs(time - even).max() <= digit and 2.0 * digit <= even[1] - even[0]
