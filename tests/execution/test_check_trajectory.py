@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from gadget import TWO_LINKS
 from numpy.testing import assert_allclose
+from scipy.interpolate import make_interp_spline
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
@@ -80,15 +81,21 @@ def test_contradictions_by_sampling_have_the_order_of_the_bounds() -> None:
         assert coarse / fine == pytest.approx(2.0**order, rel=0.2)
 
 
-def test_jumps_of_acceleration_between_samples_are_no_contradiction(arm: go.Model) -> None:
+@pytest.mark.parametrize("switch", [0.5037, 0.505])
+def test_jumps_of_acceleration_between_samples_are_no_contradiction(
+    arm: go.Model, switch: float
+) -> None:
+    """Whether accelerations are stated or derived, which smooths the jump."""
     time = np.arange(0.0, 1.0, 0.01)
-    switch = 0.5037  # speeds up until here, then brakes, between two samples
+    # It speeds up until the switch, then brakes, between two samples.
     a = np.where(time < switch, 2.0, -2.0)
     v = np.where(time < switch, 2.0 * time, 4.0 * switch - 2.0 * time)
     q = np.where(time < switch, time**2, -(time**2) + 4.0 * switch * time - 2.0 * switch**2)
     one = JointTrajectory(time, *(np.c_[x, 0.0 * x] for x in (q, v, a)), ("shoulder", "elbow"))
-    check = check_trajectory(one, arm, joint_limits(arm, jerk=np.inf), rest=False)
-    assert check.passed, check.violations
+    smooth = make_interp_spline(time, one.velocities, k=3).derivative()(time)
+    for each in (one, replace(one, accelerations=smooth, derived=("acceleration",))):
+        check = check_trajectory(each, arm, joint_limits(arm, jerk=np.inf), rest=False)
+        assert check.passed, check.violations
 
 
 def test_an_implied_acceleration_beyond_the_limit_is_found(arm: go.Model) -> None:
@@ -241,6 +248,9 @@ def test_joints_are_matched_by_name(arm: go.Model) -> None:
     assert_allclose(check_trajectory(flipped, arm).largest["torque"], expected)
     with pytest.raises(ValueError, match="trajectory has no joints shoulder; it has a, b"):
         check_trajectory(replace(one, joint_names=("a", "b")), arm)
+    more = JointTrajectory.side_by_side([one, one], ("shoulder", "elbow", "thumb", "finger"))
+    with pytest.raises(ValueError, match=r"elbow, thumb, finger, the model .*: leave the others"):
+        check_trajectory(more, arm)
     with pytest.raises(ValueError, match="'elbow' moves in rad, the trajectory is in m"):
         check_trajectory(replace(one, units=("rad", "m")), arm)
 

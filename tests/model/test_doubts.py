@@ -38,6 +38,14 @@ FAULTS = {
         r"link 'pan_link': no rigid body has .* \(3 kg, moments 0.02, 0.02, 0.2 kg m\^2\)",
     ),
     "grams": (in_grams(), "link 'pan_link' and 5 others: no material is as dense .* in grams"),
+    "kg mm^2": (
+        six_joints().replace(INERTIA, 'ixx="2e4" ixy="0" ixz="0" iyy="2e4" iyz="0" izz="1e4"'),
+        "link 'pan_link' and 5 others: such large moments .* 2e\\+04 kg m.* in kg cm.* or kg mm",
+    ),
+    "radians as degrees": (
+        six_joints().replace("2.8", f"{np.deg2rad(2.8):.4f}"),
+        "joint 'pan' and 5 others: limits of -0.0489 to 0.0489 rad; were radians read as degrees",
+    ),
     "placeholders": (equal_masses(), "6 of 6 links weigh 1 kg each; is this a placeholder"),
     "degrees": (
         six_joints().replace("2.8", "170"),
@@ -92,6 +100,24 @@ def test_solids_of_the_densest_materials_are_possible() -> None:
     for density, is_possible in ((11_340.0, True), (22_000.0, True), (30_000.0, False)):
         mass = 4.0 / 3.0 * np.pi * density * radius**3
         assert (doubts_of(single(mass, [0.4 * mass * radius**2] * 3)) == ()) is is_possible
+
+
+@pytest.mark.parametrize("density", [30.0, 500.0, 2700.0, 7800.0])
+def test_moments_of_solids_are_taken_for_other_units_in_these_alone(density: float) -> None:
+    """A ball, and a rod of 3 m and 1 cm across, from foam to steel."""
+    mass = 4.0 / 3.0 * np.pi * density * 0.1**3
+    ball = np.full(3, 0.4 * mass * 0.1**2)
+    light = np.pi * density * 0.005**2 * 3.0
+    rod = light * np.array([0.005**2 / 2.0, 3.0**2 / 12.0, 3.0**2 / 12.0])
+    for weight, moments in ((mass, ball), (light, rod)):
+        assert doubts_of(single(weight, moments)) == ()
+        for factor in (1e4, 1e6, 1e9):  # kg cm^2, kg mm^2, g mm^2
+            assert "such large moments" in doubts_of(single(weight, factor * moments))[0]
+
+
+def test_one_narrow_joint_is_no_doubt() -> None:
+    first = six_joints().replace("2.8", "0.1", 2)
+    assert go.load_model(first, hand="flange").doubts == ()
 
 
 def single(mass: float, moments: object) -> pin.Model:

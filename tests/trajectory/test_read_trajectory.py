@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,7 @@ def test_the_unit_of_a_recording_is_read(tmp_path: Path) -> None:
         ("time,a velocity\n0,1\n", "line 1: no joint has a position"),
         ("time,a [N]\n0,1\n", r"line 1: the unit of 'a \[N\]' must be rad, deg or m"),
         ("# unit: turns\ntime,a\n0,1\n", "line 1: the unit must be rad, deg or m, is 'turns'"),
-        ("time,a\n0,1\n1,1\n1,1\n2,1\n", "four samples at increasing times"),
+        ("time,a\n0,1\n1,1\n1,1\n2,1\n", "at least four samples only, got 3"),
     ],
 )
 def test_malformed_tables_are_named_by_line(tmp_path: Path, text: str, message: str) -> None:
@@ -158,6 +159,12 @@ def test_malformed_archives_are_named_by_array(tmp_path: Path) -> None:
         read_trajectory(file)
     np.savez(file, time=np.arange(3.0), position=np.zeros((2, 1)), joint_names=names)
     with pytest.raises(ValueError, match=r"bad\.npz: positions must have shape \(3, 1\)"):
+        read_trajectory(file)
+    np.savez(file, time=np.array([0.0, 1.0, np.inf]), position=np.zeros((3, 1)), joint_names=names)
+    with pytest.raises(ValueError, match=r"bad\.npz: time must be finite, sample 2 is not"):
+        read_trajectory(file)
+    np.savez(file, time=np.zeros((3, 1)), position=np.zeros((3, 1)), joint_names=names)
+    with pytest.raises(ValueError, match=r"bad\.npz: time must have shape \(3,\), got \(3, 1\)"):
         read_trajectory(file)
 
 
@@ -221,6 +228,30 @@ def test_a_point_that_is_there_twice_is_left_out(tmp_path: Path) -> None:
     rows = "time,a\n0,0\n0,0\n0.1,0.1\n0.2,0.4\n0.3,0.9\n"
     with pytest.warns(UserWarning, match="points 1"):
         assert len(read_trajectory(write(tmp_path, "twice.csv", rows)).time) == 4
+
+
+def at_times(folder: Path, times: Sequence[str]) -> JointTrajectory:
+    rows = "\n".join(f"{time},{float(time) ** 2:.6f}" for time in times)
+    return read_trajectory(write(folder, "a.csv", f"time,a\n{rows}\n"))
+
+
+@pytest.mark.parametrize("decimals", [2, 3, 4])
+def test_times_that_are_rounded_are_even(tmp_path: Path, decimals: int) -> None:
+    """30 samples a second are 0.033, 0.067 and 0.1 s; without one of them they are uneven."""
+    times = [f"{k / 30:.{decimals}f}" for k in range(61)]
+    assert at_times(tmp_path, times).rate == pytest.approx(30.0)
+    assert at_times(tmp_path, times[:20] + times[21:]).rate is None
+
+
+def test_a_sample_that_is_left_out_is_no_rounding(tmp_path: Path) -> None:
+    times = [f"{k / 100:.2f}" for k in range(150) if k != 70]
+    assert at_times(tmp_path, times).rate is None
+    assert at_times(tmp_path, ["0", "1", "2.5", "4", "5"]).time.tolist() == [0, 1, 2.5, 4, 5]
+
+
+def test_times_that_do_not_increase_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"a\.csv: .* sample 3 at 0.1 s follows 0.2 s"):
+        at_times(tmp_path, ["0", "0.15", "0.2", "0.1", "0.3"])
 
 
 def test_the_last_digit_is_that_of_the_unit_in_the_file(tmp_path: Path) -> None:

@@ -273,9 +273,9 @@ def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTraj
     units = [unit for model in models for unit in model.units]
     moved = trajectory.joint_names
     if len(names) != len(moved):
-        raise ValueError(
-            f"the trajectory moves joints {', '.join(moved)}, the model {', '.join(names)}"
-        )
+        what = f"the trajectory moves joints {', '.join(moved)}, the model {', '.join(names)}"
+        advice = "leave the others out" if len(moved) > len(names) else "load it with fewer joints"
+        raise ValueError(f"{what}: {advice}")
     ordered = of_joints(trajectory, names)
     for joint, mine, other in zip(ordered.joint_names, ordered.units, units, strict=True):
         if mine != other:

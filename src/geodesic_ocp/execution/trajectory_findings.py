@@ -172,7 +172,8 @@ def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Ar
     acceleration jumps by J h within the step. The bounds are the latter, with the J that the
     accelerations in the file show in this step and its neighbours, and may have between samples
     (`peaks_above`), plus rounding to six digits, or to fewer if the numbers have fewer. They are of
-    third and second order in h.
+    third and second order in h. If accelerations were derived from velocities, the jump is the sum
+    of the changes of slope from the step before and to the step after.
 
     Returns:
         By "velocity" and "acceleration", differences between samples less the trapezoidal integral
@@ -183,6 +184,10 @@ def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Ar
     q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
     means = np.diff(a, axis=0) / h
     largest = np.abs(means) + peaks_above(means)
+    if "acceleration" in trajectory.derived:
+        slopes = np.pad(np.diff(v, axis=0) / h, ((1, 1), (0, 0)))  # at rest before and after
+        changes = np.abs(np.diff(slopes, axis=0))
+        largest = (changes[1:] + changes[:-1]) / h
     jerk = maximum_filter1d(largest, _NEARBY, axis=0, mode="nearest")
     found = {}
     for order, (kind, before, x, dx) in enumerate(

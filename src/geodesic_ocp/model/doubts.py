@@ -13,6 +13,7 @@ from geodesic_ocp.model.joints import link_of, motion_subspace
 
 NO_LIMIT = 1e5  # [rad, rad/s or N m]: numbers in files from here on stand for no limit
 _DENSEST = 22_590.0  # [kg/m^3], osmium (CRC Handbook of Chemistry and Physics)
+_PER_KG_CM2 = 1e-4  # [kg m^2], of the units of CAD programs the next larger numbers
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,17 @@ class _Link:
         radius = (3.0 * self.mass / (4.0 * np.pi * _DENSEST)) ** (1.0 / 3.0)
         return bool(sum(self.moments) < 6.0 / 5.0 * self.mass * radius**2)
 
+    @property
+    def may_be_in_kg_cm2(self) -> bool:
+        """True if a solid ellipsoid of this mass and of these moments in kg cm^2 is not too dense.
+
+        Its semi-axes are a^2 = 5 (B + C - A) / (2 m), where A, B, C are the moments.
+        """
+        moments = _PER_KG_CM2 * np.array(self.moments)
+        squares = 2.5 * (moments.sum() - 2.0 * moments) / self.mass
+        volume = 4.0 / 3.0 * np.pi * np.sqrt(np.prod(np.maximum(squares, 0.0)))
+        return bool(self.mass < _DENSEST * volume)
+
 
 def doubts_of(model: pin.Model) -> tuple[str, ...]:
     """Return what can hardly be right in a model with one coordinate per joint, a sentence each.
@@ -55,8 +67,12 @@ def doubts_of(model: pin.Model) -> tuple[str, ...]:
     - Principal moments of inertia a <= b <= c of a body satisfy c <= a + b.
     - Of all bodies of a mass m, a solid ball has the least moments, a + b + c = 6/5 m r^2. If it
       had to be denser than any material, the mass is in grams or the moments are placeholders.
+    - The other way round, moments that are possible in kg cm^2, ten thousand times smaller, are in
+      this unit or in one with larger numbers, or placeholders. Links would have to be as dense as
+      22.6 g/m^3 for it.
     - The same mass of most links, and of at least four, is a placeholder.
     - Revolute joints do not have limits of more than two turns; as degrees they are possible.
+      Nor are all of their limits smaller than those of two turns whose radians are read as degrees.
     - They do not turn more than ten times a second; as degrees per second they are slow.
     - A limit of 0 on speed or effort is an unknown one.
     """
@@ -103,6 +119,12 @@ def _inertia_doubts(links: Sequence[_Link]) -> Iterator[str]:
             f"{_links(impossible)}: no rigid body has moments of which the largest is "
             f"larger than the sum of the others ({impossible[0].described})"
         )
+    large = [link for link in links if link.is_possible and link.may_be_in_kg_cm2]
+    if large:
+        yield (
+            f"{_links(large)}: such large moments are not those of a body of this mass "
+            f"({large[0].described}); are they in kg cm^2 or kg mm^2, or placeholders?"
+        )
     dense = [link for link in links if link.is_possible and link.is_too_dense]
     if dense:
         yield (
@@ -130,6 +152,12 @@ def _limit_doubts(model: pin.Model) -> Iterator[str]:
         first = wide[0]
         shown = f"{model.lowerPositionLimit[first]:.4g} to {model.upperPositionLimit[first]:.4g}"
         yield f"{_joints(names, wide)}: limits of {shown} rad; are these degrees?"
+    limited = [k for k in range(model.nv) if turning[k] and 0.0 < limits[k] < NO_LIMIT]
+    narrow = [k for k in limited if limits[k] <= np.deg2rad(4.0 * np.pi)]
+    if len(narrow) > 1 and len(narrow) == np.count_nonzero(turning):
+        first = narrow[0]
+        shown = f"{model.lowerPositionLimit[first]:.3g} to {model.upperPositionLimit[first]:.3g}"
+        yield f"{_joints(names, narrow)}: limits of {shown} rad; were radians read as degrees?"
     speeds = model.velocityLimit
     turns = speeds / (2.0 * np.pi)  # per second
     # The fastest joints of legged robots turn 8 times a second (52 rad/s, Unitree Laikago), those

@@ -160,10 +160,17 @@ class JointTrajectory(ShortRepr):
         values = real_array(positions, "position")
         empty = np.zeros_like(values)
         whole = cls(real_array(time, "time"), values, empty, empty, (*joint_names,), (*units,))
-        if len(whole.time) < 4 or not np.all(np.diff(whole.time) > 0.0):
+        if len(whole.time) < 4:
             raise ValueError(
-                "velocities and accelerations can be found for at least four samples at increasing "
-                f"times only, got {len(whole.time)} samples"
+                "velocities and accelerations can be found for at least four samples only, got "
+                f"{len(whole.time)}"
+            )
+        steps = np.diff(whole.time)
+        if not np.all(steps > 0.0):
+            k = int(np.argmin(steps > 0.0))
+            raise ValueError(
+                "velocities and accelerations can be found at increasing times only: sample "
+                f"{k + 1} at {whole.time[k + 1]:.6g} s follows {whole.time[k]:.6g} s"
             )
         spline = make_interp_spline(whole.time, values, k=3)
         velocities, accelerations = (spline.derivative(k)(whole.time) for k in (1, 2))

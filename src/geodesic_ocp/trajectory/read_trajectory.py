@@ -62,8 +62,9 @@ def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
 
     Where a file has no velocities they are the derivatives of a cubic spline through the positions
     (not-a-knot), and where it has no accelerations those of a spline through the velocities:
-    noise in what is given is amplified. `derived` names these. A point that repeats the one before
-    it, time included, is left out with a UserWarning.
+    noise in what is given is amplified. `derived` names these. Times that are evenly spaced but for
+    their last digit, such as 0.033, 0.067 and 0.1, are taken as evenly spaced. A point that repeats
+    the one before it, time included, is left out with a UserWarning.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -201,7 +202,7 @@ def _without_repeats(content: _Stated) -> tuple[_Stated, str]:
 
 def _trajectory(content: _Stated) -> JointTrajectory:
     """Return the trajectory, with derivatives of splines for those that are missing."""
-    time = content.time
+    time = _even(content.time)
     arrays = content.arrays
     positions = arrays["position"]
     velocities = arrays.get("velocity")
@@ -224,6 +225,23 @@ def _trajectory(content: _Stated) -> JointTrajectory:
         tuple(kind for kind in KINDS[1:3] if kind not in arrays),
         content.digits,
     )
+
+
+def _even(time: Array) -> Array:
+    """Return evenly spaced times (k,) if the last digit of the given ones alone makes them uneven.
+
+    Rounding moves each of them by at most half a digit, and the even ones between the first and the
+    last by as much. Where there are fewer than two digits in a step, a sample that was left out
+    looks the same.
+    """
+    if time.ndim != 1 or time.size < 2 or not np.all(np.isfinite(time)):
+        return time  # the trajectory names what is wrong
+    digit = last_digit(time)
+    if np.ptp(np.diff(time)) < digit / 2.0:
+        return time
+    even = np.linspace(time[0], time[-1], time.size)
+    is_rounded = np.abs(time - even).max() <= digit and 2.0 * digit <= even[1] - even[0]
+    return even if is_rounded else time
 
 
 @dataclass

@@ -14,7 +14,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.load_model import default_hand
+from geodesic_ocp.model.formats import mjcf
+from geodesic_ocp.model.formats.load_model import default_hand, summary
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -240,3 +241,33 @@ def test_deeply_nested_bodies_are_read_or_refused_by_name() -> None:
     assert go.load_model(chain(150), hand="b149", joints=["j0"]).dof == 1
     with pytest.raises(ValueError, match="the text: elements are nested more than 500 deep"):
         go.load_model(chain(2000), hand="b1999")
+
+
+@pytest.mark.usefixtures("reader")
+def test_a_range_of_zeros_is_none() -> None:
+    """As MuJoCo has it: a range limits the joint if the lower limit is below the upper."""
+    text = arm(joint='range="0 0"')
+    assert not mujoco.MjSpec.from_string(text).compile().joint("j").limited[0]
+    model = go.load_model(text, hand="first")
+    assert_allclose([model.lower[0], model.upper[0]], [-2.0 * np.pi, 2.0 * np.pi])
+
+
+def test_a_range_that_mujoco_ignores_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    swapped = arm(joint='range="1 -1"')
+    with pytest.warns(UserWarning, match="'j' has no limits, as its lower one, 1, lies above"):
+        go.load_model(swapped, hand="first")
+    monkeypatch.setattr(mjcf, "installed_mujoco", lambda: None)
+    with pytest.raises(ValueError, match="'j': the lower limit 1 must be below the upper -1"):
+        go.load_model(swapped, hand="first")
+
+
+def test_a_robot_is_described_without_its_floating_base(tmp_path: Path) -> None:
+    """What has no joint of its own between the base and a link is refused with the reason."""
+    file = tmp_path / "arm.xml"
+    file.write_text(arm().replace('name="stand" pos="0 0 1">', f'name="stand"><freejoint/>{LINK}'))
+    lines = list(summary(str(file)))
+    assert lines[1:] == ["  j, k", "  hand: tip", "  base: stand, before which joints are locked"]
+    equal = '<equality><joint joint1="k" joint2="j"/></equality></mujoco>'
+    file.write_text(arm().replace("</mujoco>", equal))
+    with pytest.raises(ValueError, match="'k' mimics 'j': it cannot move independently"):
+        list(summary(str(file)))

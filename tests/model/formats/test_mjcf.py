@@ -125,12 +125,12 @@ def test_mjcf_includes_gravity_and_unlimited_hinges(tmp_path: Path) -> None:
 def test_several_joints_of_a_body_are_separated(rng: np.random.Generator) -> None:
     """They are equivalent to the composite joint of Pinocchio."""
     several = (
-        "<joint name='x' type='hinge' axis='1 0 0' pos='0 0.1 0' range='-1 1'/>"
+        "<joint name='x' type='hinge' axis='1 0 0' pos='0 0.1 0' range='-60 60'/>"
         "<joint name='s' type='slide' axis='0 1 1' range='-1 1'/>"
-        "<joint name='y' type='hinge' axis='0 1 0' pos='0.2 0 0' range='-1 1' armature='0.3'/>"
+        "<joint name='y' type='hinge' axis='0 1 0' pos='0.2 0 0' range='-60 60' armature='0.3'/>"
     )
     long = "<geom type='capsule' size='0.05' fromto='0.1 0 0 0.3 0.2 0.5' mass='2'/>"
-    below = "<body name='b' pos='0 0 1'><joint name='z' range='-1 1'/>" + long + "</body>"
+    below = "<body name='b' pos='0 0 1'><joint name='z' range='-60 60'/>" + long + "</body>"
     turned = f"<body name='a' pos='1 0 0' euler='30 20 10'>{several + long + below}</body>"
     text = f"<mujoco><worldbody>{turned}</worldbody></mujoco>"
     model = go.load_model(text, hand="b")

@@ -70,7 +70,7 @@ def test_locked_joints_and_followers_leave_none_behind() -> None:
 
 @pytest.mark.parametrize("value", ["-1", "nan", "inf", "much"])
 def test_wrong_values_in_a_urdf_are_named(value: str) -> None:
-    named = f"armature must be a number >= 0, is '{value}'"
+    named = f"armature must be a finite number >= 0, is '{value}'"
     with pytest.raises(ValueError, match=f"joint 'j_one': {named}"):
         go.load_model(with_dynamics(urdf(), "j_one", f'armature="{value}"'), hand="grip")
     rotor = f'<drake:rotor_inertia value="1"/><drake:gear_ratio value="{value}"/>'
@@ -118,7 +118,9 @@ def test_only_an_srdf_for_the_robot_is_read(tmp_path: Path) -> None:
     found = srdf_armature(file)
     assert found == pytest.approx({"j_one": 0.25, "j_gone": 1.0, "j_two": 0.0})
     (tmp_path / "srdf" / "gadget.srdf").write_text(SRDF.format(name="gadget").replace("1e-4", "x"))
-    with pytest.raises(ValueError, match="rotor_params of joint 'j_one': mass must be a number"):
+    with pytest.raises(
+        ValueError, match="rotor_params of joint 'j_one': mass must be a finite num"
+    ):
         srdf_armature(file)
     shutil.rmtree(tmp_path / "srdf")
     assert srdf_armature(file) == {}

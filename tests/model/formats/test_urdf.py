@@ -74,6 +74,12 @@ RING = (
     + rod("right half", "left half").replace("rod", "other rod")
 )
 LIMIT = re.compile("<limit [^>]*>")
+MOMENTS = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+
+
+def inertial(moment: str, origin: str = "") -> str:
+    moments = MOMENTS.replace('ixx="1"', f'ixx="{moment}"')
+    return f'<inertial>{origin}<mass value="1"/>{moments}</inertial>'
 
 
 @pytest.mark.parametrize(
@@ -83,7 +89,17 @@ LIMIT = re.compile("<limit [^>]*>")
         (urdf().replace('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), "'j_lift': its axis is zero"),
         (LIMIT.sub("", urdf()), "joint 'j_lift' is prismatic and has no <limit>"),
         (urdf().replace(' name="gadget"', ""), "<robot> has no name"),
-        (urdf().replace('mass value="2"', 'mass value="two"'), "value is 'two', not a number"),
+        *(
+            (urdf().replace('mass value="2"', f'mass value="{value}"'), f"value is '{value}', not")
+            for value in ("two", "nan")
+        ),
+        (urdf(beside_inertial=f"<inertial>{MOMENTS}</inertial>"), "<inertial> has no <mass>"),
+        (urdf(beside_inertial=inertial("0,2")), "link 'beside': <inertia>: ixx is '0,2', not a"),
+        (urdf(beside_inertial=inertial("1").replace('ixy="0"', "")), "<inertia> has no ixy"),
+        (
+            urdf(beside_inertial=inertial("1", '<origin xyz="0 ${y} 0"/>')),
+            r"'beside': <inertial>: xyz is '0 \$\{y\} 0', not three numbers",
+        ),
         (urdf(two_origin='xyz="0,5 0"'), r'line \d+: xyz="0,5 0" is not three numbers'),
         (
             "<robot name='a'><link name='b'/><link name='c'/></robot>",
@@ -104,8 +120,13 @@ LIMIT = re.compile("<limit [^>]*>")
         (urdf().replace('link="two"', 'link="too"'), "'j_two' has the child 'too', which is no"),
         (
             urdf().replace('effort="1"', 'effort="a"'),
-            r"joint \[j_lift\]: effort value \(a\) is not",
+            "joint 'j_lift': effort must be a finite number >= 0, is 'a'",
         ),
+        (
+            urdf().replace('velocity="1"', 'velocity="-1"'),
+            "joint 'j_lift': velocity must be a finite number >= 0, is '-1'",
+        ),
+        (urdf().replace('link name="two"', 'link name="one"'), "2 links are named 'one'"),
     ],
 )
 def test_invalid_values_in_a_urdf_are_named(text: str, message: str) -> None:
@@ -129,11 +150,17 @@ def test_a_joint_without_limits_that_does_not_move_is_locked() -> None:
         go.load_model(text, hand="mast")
 
 
+def test_angles_of_placements_in_degrees_are_said() -> None:
+    turned = urdf(two_origin='xyz="0 0 0.5" rpy="0 0 90"')
+    with pytest.warns(UserWarning, match="joint 'j_two': rpy is '0 0 90' rad; are these degrees"):
+        go.load_model(turned, hand="grip")
+
+
 def test_what_the_parser_leaves_out_is_said(capfd: pytest.CaptureFixture[str]) -> None:
-    """The parser in C++ says it on the standard error stream alone, and reads a massless link."""
-    weightless = urdf(beside_inertial='<inertial><inertia ixx="1" iyy="1" izz="1"/></inertial>')
-    with pytest.warns(UserWarning, match="the text: Inertial element must have a mass element"):
-        go.load_model(weightless, hand="grip")
+    """The parser in C++ says it on the standard error stream alone."""
+    nameless = urdf().replace("</robot>", "<material/></robot>")
+    with pytest.warns(UserWarning, match="the text: Material must contain a name attribute"):
+        go.load_model(nameless, hand="grip")
     assert capfd.readouterr().err == ""
     shapeless = '<link name="two"><collision><geometry><box/></geometry></collision>'
     model = go.load_model(urdf().replace('<link name="two">', shapeless), hand="grip")

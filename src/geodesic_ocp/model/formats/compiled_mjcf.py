@@ -49,6 +49,7 @@ def compiled_mjcf_model(source: MjcfSource) -> FileModel:
     model.gravity = pin.Motion(np.array(native.opt.gravity), np.zeros(3))
     tree.set_efforts()
     mimics, ignored = _equalities(native, source.name)
+    ignored += _empty_ranges(native, source.name)
     ignored += tree.add_actuator_armature(source.name)
     geometry = partial(compiled_geometry, model, source)
     return FileModel(model, geometry, mimics, (*notes, *ignored))
@@ -189,6 +190,17 @@ class _GrowingModel:
             label = native.tendon(tendon).name
             ignored.append(f"{name}: the armature of tendon {label!r} is ignored")
         return ignored
+
+
+def _empty_ranges(native: Any, name: str) -> list[str]:
+    """Return warnings about ranges that MuJoCo ignores, as the lower limit is above the upper."""
+    ranges = native.jnt_range
+    swapped = (ranges[:, 0] > ranges[:, 1]) & (native.jnt_limited == 0)
+    return [
+        f"{name}: joint {name_of(native.joint(number))!r} has no limits, as its lower one, "
+        f"{ranges[number, 0]:g}, lies above the upper, {ranges[number, 1]:g}"
+        for number in np.flatnonzero(swapped).tolist()
+    ]
 
 
 def moved_along(axis: Array, kind: str, value: float) -> pin.SE3:

@@ -44,7 +44,7 @@ from geodesic_ocp.model.formats.urdf import (
 )
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.inertias import check_inertias
-from geodesic_ocp.model.joints import DEFAULT_LIMIT, frame_index, motion_subspace
+from geodesic_ocp.model.joints import DEFAULT_LIMIT, frame_index, link_of, motion_subspace
 from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.model import Model
 
@@ -288,32 +288,53 @@ def summary(name: str) -> Iterator[str]:
     if name in get_args(Side):
         model = human_arm(cast(Side, name))
     else:
-        model = load_model(name, hand=default_hand(name))
+        hand = default_hand(name)
+        base = None if hand is None else _default_base(name, hand)
+        model = load_model(name, hand=hand, base=base)
     values = [f"{model.dof} DoF", f"{model.mass:.2f} kg", f"reach {model.reach:.2f} m"]
     yield f"{name}: {', '.join(filter(None, [*values, model.describe_armature()]))}"
     yield from _wrapped(model.joint_names)
     yield f"  hand: {', '.join(model.hands)}"
+    if name not in get_args(Side) and base is not None:
+        yield f"  base: {base}, before which joints are locked"
     if name in ROBOTS and (raised := ROBOTS[name].raised):
         yield f"  locked at {', '.join(f'{each} {at:g} m' for each, at in raised.items())}"
 
 
 def default_hand(source: str) -> str | None:
-    """Return the link moved by the most joints, none of which mimics another or is mimicked, where
-    the name or file of a robot has no hand of its own; None otherwise.
+    """Return the link moved by the most joints, if possible by none that mimics another or is
+    mimicked, where the name or file of a robot has no hand of its own; None otherwise.
     """
-    file = Path(source) if Path(source).is_file() else locate(source)
-    if source in ROBOTS or file is None:
+    if source in ROBOTS or (description := _description(source)) is None:
         return None
-    description = read_file(file, None, None)
     model, mimics = description.pin, description.mimics
     coupled = {*mimics, *(mimic.leader for mimic in mimics.values())}
     links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
 
-    def joints(frame: pin.Frame) -> int:
-        chain = list(model.supports[frame.parentJoint])
-        return 0 if coupled & {model.names[joint] for joint in chain} else len(chain)
+    def joints(frame: pin.Frame) -> tuple[int, int]:
+        chain = list(model.supports[frame.parentJoint])[1:]
+        is_coupled = coupled & {model.names[joint] for joint in chain}
+        return 0 if is_coupled else len(chain), len(chain)
 
     return str(max(links, key=joints).name)
+
+
+def _default_base(source: str, hand: str) -> str | None:
+    """Return the link after the last joint before the hand that has several degrees of freedom,
+    such as that of a floating base; None if there is no such joint.
+    """
+    if (description := _description(source)) is None:
+        return None
+    model = description.pin
+    chain = list(model.supports[model.frames[frame_index(model, hand)].parentJoint])[1:]
+    several = [joint for joint in chain if model.joints[joint].nv > 1]
+    return link_of(model, several[-1]) if several else None
+
+
+def _description(source: str) -> Description | None:
+    """Return the description in the file of a robot, or of a name; None if there is none."""
+    file = Path(source) if Path(source).is_file() else locate(source)
+    return None if file is None else read_file(file, None, None)
 
 
 def _wrapped(names: Sequence[str]) -> list[str]:

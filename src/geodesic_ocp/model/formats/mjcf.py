@@ -250,7 +250,7 @@ def _rewrite(root: ET.Element, name: str) -> None:
             *axis, angle = _numbers(given, 4, f"{name}: axisangle")
             length = float(np.linalg.norm(axis)) or 1.0
             element.set("axisangle", numbers_text([*(number / length for number in axis), angle]))
-        if element.tag == "joint" and element.get("limited") == "false":
+        if element.tag == "joint" and not _has_limits(element, name):
             element.attrib.pop("range", None)  # Pinocchio would apply it
         is_slide = element.tag == "joint" and element.get("type") == "slide"
         if degrees and is_slide and (given := element.get("range")) is not None:
@@ -265,6 +265,24 @@ def _rewrite(root: ET.Element, name: str) -> None:
     world[:] = [whole]
     for body in list(root.iter("body")):
         _give_each_joint_a_body(body)
+
+
+def _has_limits(joint: ET.Element, name: str) -> bool:
+    """Return whether a joint is limited by its range, if it has one.
+
+    Raises:
+        ValueError: the range is not two numbers, or the lower one is above the upper.
+    """
+    if joint.get("limited") == "false" or (given := joint.get("range")) is None:
+        return False
+    location = f"{name}: range of joint {joint.get('name')!r}"
+    limits = _numbers(given, 2, location)
+    span = limits[1] - limits[0]
+    if span < 0.0 or (span == 0.0 and joint.get("limited") == "true"):
+        raise ValueError(
+            f"{location}: the lower limit {limits[0]:g} must be below the upper {limits[1]:g}"
+        )
+    return span > 0.0
 
 
 def _in_degrees(root: ET.Element) -> bool:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.model.formats.file_model import FileModel, Mimic
+from geodesic_ocp.model.formats.file_model import FileModel, Mimic, floats
 from geodesic_ocp.model.formats.urdf_geometry import urdf_geometry
 from geodesic_ocp.model.formats.urdf_parser import Parsed, parsed
 from geodesic_ocp.model.formats.urdf_tree import (
@@ -69,6 +69,7 @@ def urdf_model(root: ET.Element, text: str, name: str, folder: Path | None) -> F
     if found.messages:
         warnings.append(f"{name}: {'; '.join(found.messages)}")
     warnings += _zero_range_warnings(limited, name)
+    warnings += _large_angle_warnings(tree, name)
     mimics = _mimics(moving, name)
     lost = [joint for joint, mimic in mimics.items() if mimic.leader not in model.names]
     for joint in lost:
@@ -108,6 +109,16 @@ def _zero_range_warnings(joints: list[ET.Element], name: str) -> Iterator[str]:
             given = [] if limit is None else [limit.get("lower"), limit.get("upper")]
             if all(float(value or 0.0) == 0.0 for value in given):
                 yield f"{name}: joint {joint.get('name')!r} has no range: its limits are 0 and 0"
+
+
+def _large_angle_warnings(tree: ET.Element, name: str) -> Iterator[str]:
+    """Yield warnings about placements that are turned by more than a revolution."""
+    placed = [*tree.iterfind("joint"), *tree.iterfind("link")]
+    for element in placed:
+        for origin in (*element.iterfind("origin"), *element.iterfind("inertial/origin")):
+            if any(abs(angle) > 2.0 * np.pi for angle in floats(origin.get("rpy"))):
+                where = f"{name}: {element.tag} {element.get('name')!r}"
+                yield f"{where}: rpy is {origin.get('rpy')!r} rad; are these degrees?"
 
 
 def _mimics(joints: list[ET.Element], name: str) -> dict[str, Mimic]:

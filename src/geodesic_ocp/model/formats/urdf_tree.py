@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections import defaultdict
+from collections import Counter, defaultdict
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from geodesic_ocp.model.formats.file_model import floats
 
 # Joints that the format wants to have a <limit>.
 _LIMITED = ("revolute", "prismatic")
+# What an <inertial> must state.
+_INERTIAL = {"mass": ("value",), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
 
 
 def check_tree(root: ET.Element, name: str) -> None:
@@ -30,20 +32,42 @@ def check_tree(root: ET.Element, name: str) -> None:
         if limit is not None:
             lower = number(limit, "lower", 0.0, location)
             upper = number(limit, "upper", 0.0, location)
+            for key in {"effort", "velocity"} & set(limit.attrib):
+                not_negative(limit, key, f"{location}: {key}")
             if lower > upper:
                 what = f"its lower limit {lower:g} lies above the upper {upper:g}"
                 raise ValueError(f"{location}: {what}")
         numbers = [] if axis is None else floats(axis.get("xyz", "1 0 0"))
         if numbers and not any(numbers):  # what else is wrong with it Pinocchio reports
             raise ValueError(f"{location}: its axis is zero")
-    for mass in root.iterfind("link/inertial/mass"):
-        number(mass, "value", 0.0, f"{name}: a link's mass")
+    for link in root.iterfind("link"):
+        if (inertial := link.find("inertial")) is not None:
+            _check_inertial(inertial, f"{name}: link {link.get('name')!r}")
     _check_parents(root, name)
+
+
+def _check_inertial(inertial: ET.Element, location: str) -> None:
+    """Check that mass and moments are stated: the parser would leave out the whole element."""
+    origin = inertial.find("origin")
+    for key, given in origin.attrib.items() if origin is not None else ():
+        if key in ("xyz", "rpy") and len(floats(given)) != 3:
+            raise ValueError(f"{location}: <inertial>: {key} is {given!r}, not three numbers")
+    for tag, keys in _INERTIAL.items():
+        for stated in inertial.findall(tag):
+            for key in keys:
+                if stated.get(key) is None:
+                    raise ValueError(f"{location}: <{tag}> has no {key}")
+                number(stated, key, 0.0, f"{location}: <{tag}>")
+    if inertial.find("mass") is None:
+        raise ValueError(f"{location}: <inertial> has no <mass>")
 
 
 def _check_parents(root: ET.Element, name: str) -> None:
     """Check that every link but one is the child of one joint."""
     links = [link.get("name", "") for link in root.iterfind("link")]
+    for link, count in Counter(links).items():
+        if count > 1:
+            raise ValueError(f"{name}: {count} links are named {link!r}: give each its own name")
     above: dict[str, list[str]] = defaultdict(list)  # link -> joints of which it is the child
     below: dict[str, list[str]] = defaultdict(list)  # link -> its children
     for joint in root.iterfind("joint"):
@@ -107,10 +131,12 @@ def complete_tree(root: ET.Element, name: str) -> dict[str, str]:
 
 
 def number(element: ET.Element, key: str, default: float, location: str) -> float:
-    """Return the number in an attribute; ValueError if it is none, which names the location."""
+    """Return the finite number in an attribute; ValueError if it is none, which names the
+    location.
+    """
     text = element.get(key, str(default))
-    if len(numbers := floats(text)) != 1:
-        raise ValueError(f"{location}: {key} is {text!r}, not a number")
+    if len(numbers := floats(text)) != 1 or not np.isfinite(numbers[0]):
+        raise ValueError(f"{location}: {key} is {text!r}, not a finite number")
     return numbers[0]
 
 
@@ -118,5 +144,5 @@ def not_negative(element: ET.Element, key: str, location: str) -> float:
     """Return the finite number in an attribute; ValueError if it is negative or none."""
     text = element.get(key)
     if len(numbers := floats(text)) != 1 or not 0.0 <= numbers[0] < np.inf:
-        raise ValueError(f"{location} must be a number >= 0, is {text!r}")
+        raise ValueError(f"{location} must be a finite number >= 0, is {text!r}")
     return numbers[0]
