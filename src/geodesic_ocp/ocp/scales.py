@@ -189,8 +189,8 @@ class _BoundedRows:
     def scales(self, samples: Array) -> Array:
         """Return the scale of every row (m,), from samples z (k, .).
 
-        If no point is found where a row meets a bound, its scale is the least that the distance
-        from one and the change over the size of the problem amount to together at a sample.
+        If no point is found where a row meets a bound, its scale is the median change over the size
+        of the problem, but no more than change and distance from the bound together at any sample.
         """
         excess, slopes = self.excess(samples)
         changes = np.linalg.norm(slopes, axis=2)
@@ -205,11 +205,13 @@ class _BoundedRows:
         found = np.ones(self.lower.size)
         for row in range(self.lower.size):
             own = reached & (rows == row) & (steep > 0.0)
-            usable = around[:, row][np.isfinite(around[:, row]) & (around[:, row] > 0.0)]
+            usable = np.isfinite(around[:, row]) & (around[:, row] > 0.0)
             if np.any(own):
                 found[row] = min(np.median(steep[own]), _THIN * depths[own].max())
-            elif usable.size:
-                found[row] = usable.min()
+            elif np.any(usable):
+                usual = np.median(changes[usable, row])
+                least = around[usable, row].min()
+                found[row] = min(usual, least) if usual > 0.0 else least
         return found
 
 
