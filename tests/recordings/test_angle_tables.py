@@ -53,6 +53,11 @@ def european(text: str) -> str:
             r"'t \[ms\]' as the time in ms; 'rsx' as RSx_joint; 'REx' as REx_joint",
         ),
         (
+            table(("timestamp [ns]", *JOINTS), [1e9 * TIME, *Q.T]),
+            "utf-8",
+            r"'timestamp \[ns\]' as the time in ns",
+        ),
+        (
             european(table(MIXED, [np.degrees(Q[:, 1]), TIME, TIME, Q[:, 0]], "")),
             "latin-1",
             "semicolons .*decimal commas",

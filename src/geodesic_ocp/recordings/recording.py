@@ -11,6 +11,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.formats.text_lines import check_seconds
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -58,7 +59,6 @@ def as_recordings(given: Any) -> tuple[Recording, ...]:
 
 # Recordings exceed the joint limits by tenths; more than this means wrong units [rad or m].
 _FAR_OUTSIDE = 2.0
-_LONGEST_STEP = 1.0  # [s] between samples of a recording
 # No joint of a person, nor of an arm, is two revolutions from zero; in degrees, any motion is.
 LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 
@@ -78,9 +78,7 @@ def check_units(model: Model, motion: Motion) -> None:
         ValueError: samples are a second or more apart, or most angles are far outside the limits
             and would not be in degrees.
     """
-    step = float(np.median(np.diff(motion.time)))
-    if step >= _LONGEST_STEP:
-        raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
+    check_seconds(motion.time)
     outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
     if _are_degrees(model, motion.q, outside):
         worst_joint = int(np.argmax(outside.max(axis=0)))

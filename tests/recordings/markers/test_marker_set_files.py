@@ -54,6 +54,8 @@ def test_known_sets_are_named() -> None:
     assert RecordingSettings(marker_set="HALPE_26").reading()["marker_set"] == "HALPE_26"
     with pytest.raises(ValueError, match="marker_set, which is no file, must be one of BODY_25, "):
         RecordingSettings(marker_set="HALPE")
+    with pytest.raises(ValueError, match="marker_set, which is no file, must be one of BODY_25, "):
+        as_marker_set("HALPE")
 
 
 def test_a_number_is_no_marker_set() -> None:

@@ -193,7 +193,12 @@ class Table:
             warnings.warn(f"{file}: read with {'; '.join(self.assumed)}", RuntimeWarning, 4)
 
 
-_SECONDS = {**dict.fromkeys(("s", "sec", "seconds"), 1.0), "ms": 1e-3, "milliseconds": 1e-3}
+_SECONDS = {
+    **dict.fromkeys(("s", "sec", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nanoseconds"), 1e-9),
+}
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 
 
@@ -259,7 +264,9 @@ def read_csv(
         name, own = name_and_unit(cell)
         if cell in times[:1]:
             if own and own not in _SECONDS:
-                raise RecordingError(f"line {first + 1}: time must be in s or ms, not {own!r}")
+                raise RecordingError(
+                    f"line {first + 1}: time must be in s, ms, us or ns, not {own!r}"
+                )
             seconds = _SECONDS.get(own, 1.0)
             if cell != wanted:
                 assumed.append(f"{cell!r} as the time in {own or 's'}")
