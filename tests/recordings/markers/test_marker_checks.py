@@ -132,6 +132,16 @@ def test_markers_of_the_other_arm_are_named(walker: Markers) -> None:
         fit_markers(go.human_arm("right"), replace(walker, names=names), up="z")
 
 
+def test_a_misspelt_segment_of_a_set_is_told(walker: Markers) -> None:
+    places = dict(MMM_MARKERS.places)
+    places["RWTS"] = ("right forarm", places["RWTS"][1])
+    misspelt = replace(MMM_MARKERS, places=places)
+    arm = go.human_arm("right", HEIGHT)
+    with pytest.warns(RuntimeWarning, match="has RWTS on 'right forarm', which is neither a seg"):
+        fit = fit_markers(arm, walker, marker_set=misspelt, estimate=())
+    assert fit.left_out == ("RWTS",)
+
+
 @pytest.mark.parametrize("content", [TRC, MARKER_TABLE])
 def test_files_whose_unit_is_wrong_are_refused(content: str, tmp_path: Path) -> None:
     file = tmp_path / "walk.dat"

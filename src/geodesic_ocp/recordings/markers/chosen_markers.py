@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.recordings.markers.body import MarkedBody, on_trunk
+from geodesic_ocp.recordings.markers.body import MarkedBody, is_segment, on_trunk
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet, marker_sets
 from geodesic_ocp.recordings.markers.markers import (
     IN_M,
@@ -76,6 +77,9 @@ def choose_markers(
     Offsets in metres are divided by `height_factor`, by which the body is to be scaled. Positions
     that are held, see `frozen_samples`, are missing.
 
+    Warns:
+        RuntimeWarning: a set that is given has markers on something that is no segment.
+
     Raises:
         ValueError: no marker is seen at all; the set has no marker of the recording on this body;
             or it gives offsets as fractions of a height that the model does not have.
@@ -113,6 +117,8 @@ def choose_markers(
             f"{body.model.name!r}; say where they are with marker_set=MarkerSet(...), "
             "or in a file (--marker-set)"
         )
+    if marker_set is not None:
+        _warn_of_unknown_segments(body, marker_set, names)
     unit = float(body.height or 0.0) if used.unit == "height" else 1.0 / height_factor
     observed = positions.positions[:, [positions.names.index(name) for name in match]]
     segments = [used.places[marker][0] for marker in match.values()]
@@ -132,6 +138,23 @@ def choose_markers(
         left_out=tuple(name for name in positions.names if name not in match),
         frozen={name: share for name, share in shares.items() if share > 0.0},
     )
+
+
+def _warn_of_unknown_segments(body: MarkedBody, used: MarkerSet, names: tuple[str, ...]) -> None:
+    """Yield a RuntimeWarning if recorded markers are on what is neither a segment nor a frame."""
+    places = {name: used.places[marker][0] for name, marker in used.matching(names).items()}
+    found = [
+        f"{name} on {segment!r}"
+        for name, segment in places.items()
+        if not (is_segment(segment) or body.has(segment))
+    ]
+    if found:
+        warnings.warn(
+            f"marker set {used.name!r} has {', '.join(found)}, which is neither a segment of a "
+            f"person nor a frame of {body.model.name!r}: left out",
+            RuntimeWarning,
+            stacklevel=4,
+        )
 
 
 def _frames(body: MarkedBody) -> MarkerSet:
