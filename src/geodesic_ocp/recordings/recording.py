@@ -82,7 +82,26 @@ def check_units(model: Model, motion: Motion) -> None:
     outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
     if _are_degrees(model, motion.q, outside):
         worst_joint = int(np.argmax(outside.max(axis=0)))
-        raise ValueError(_question(motion.joint_names[worst_joint], motion.q[:, worst_joint]))
+        question = _question(motion.joint_names[worst_joint], motion.q[:, worst_joint])
+        if _is_within_a_revolution(motion):
+            question += (
+                "; or are they between 0 and 360 deg, in place of -180 and 180? An offset of -360 "
+                "in columns=... (--columns) turns them back"
+            )
+        raise ValueError(question)
+
+
+def check_before_unwrapping(model: Model, motion: Motion) -> None:
+    """Check units as `check_units`, unless the numbers may be angles that were wrapped.
+
+    In other units, some steps would look like whole revolutions.
+    """
+    if not _is_within_a_revolution(motion):
+        check_units(model, motion)
+
+
+def _is_within_a_revolution(motion: Motion) -> bool:
+    return bool(np.abs(motion.q).max() <= 2.0 * np.pi)
 
 
 def check_plausible(model: Model, motion: Motion) -> None:

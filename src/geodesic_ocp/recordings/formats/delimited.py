@@ -46,7 +46,8 @@ from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.people import distinct_labels
 from geodesic_ocp.trajectory.motion import Subject
 
-_MISSING = ("", "nan", "-nan")
+# What programs write for a missing number, as pandas.read_csv reads it, too.
+_MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "null", "none")
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def read_rows(
     blank: str = " ,\t",
     ends: bool = True,
 ) -> Rows:
-    """Return the rows that follow `start` lines, "n/a" as empty cells.
+    """Return the rows that follow `start` lines.
 
     Args:
         lines: of the file.
@@ -126,8 +127,7 @@ def read_rows(
     found = Rows(tuple(names), [], [])
     for number, line in enumerate(lines[start:], start + 1):
         if line.strip(blank):
-            cells = split_line(line, separator)
-            entries = ["" if each.lower() == "n/a" else each for each in cells]
+            entries = split_line(line, separator)
             if ends:
                 while len(entries) > len(names) and not entries[-1]:
                     entries.pop()
