@@ -349,7 +349,7 @@ def as_stated(
     if not isinstance(given, (str, Path)):
         raise ValueError(f"{argument} must be a {kind.__name__} or a file, got {given!r}")
     file = Path(given)
-    record = read_structured(file, "convention")
+    record = read_structured(file, what.removeprefix("a "))
     with decoding(file):
         defaults = {"name": file.stem}
         if known and isinstance(record, dict) and "extends" in record:

@@ -53,6 +53,11 @@ def european(text: str) -> str:
             r"'t \[ms\]' as the time in ms; 'rsx' as RSx_joint; 'REx' as REx_joint",
         ),
         (
+            table(("timestamp [ns]", *JOINTS), [1e9 * TIME, *Q.T]),
+            "utf-8",
+            r"'timestamp \[ns\]' as the time in ns",
+        ),
+        (
             european(table(MIXED, [np.degrees(Q[:, 1]), TIME, TIME, Q[:, 0]], "")),
             "latin-1",
             "semicolons .*decimal commas",
@@ -124,6 +129,33 @@ def gappy(*spans: tuple[float, float]) -> str:
     for start, end in spans:
         q[(start <= TIME) & (end >= TIME), 1] = np.nan
     return table(("time", *JOINTS), [TIME, *q.T])
+
+
+@pytest.mark.parametrize("missing", ["NA", "n/a", "#N/A", "null", "NaN"])
+def test_what_programs_write_for_missing_numbers_is_a_gap(missing: str, tmp_path: Path) -> None:
+    cells = [[f"{number:.9g}" for number in row] for row in np.column_stack([TIME, Q])]
+    cells[100][2] = missing
+    rows = "\n".join(",".join(row) for row in cells)
+    file = write(tmp_path, f"# unit: rad\ntime,{','.join(JOINTS)}\n{rows}\n")
+    with pytest.raises(Gaps, match=r"REx_joint is missing at 1\.000 s; in all 1 of 301"):
+        go.read_motion(file)
+
+
+@pytest.mark.filterwarnings("ignore:outliers in the recording.*wrap, undone")
+def test_angles_between_0_and_360_degrees_are_asked_about(tmp_path: Path) -> None:
+    """An offset for those that are never wrapped reads the file; the others are unwrapped."""
+    arm = go.human_arm()
+    q = np.tile([0.3, 0.2, -0.8, 1.2, -0.1, 0.1, -0.05], (301, 1)) + 0.4 * Q[:, :1]
+    text = table(("time", *arm.joint_names), [TIME, *(np.degrees(q) % 360.0).T], "# unit: deg")
+    file = write(tmp_path, text)
+    with pytest.raises(
+        go.RecordingError, match=r"between 0 and 360 deg.* offset of -360 in columns"
+    ):
+        go.read_recording(file)
+    columns = {name: go.recordings.Column(name) for name in arm.joint_names}
+    columns["RSy_joint"] = go.recordings.Column("RSy_joint", offset=-360.0)
+    motion = go.read_recording(file, columns=columns, unfiltered=True).motion
+    assert motion.q == pytest.approx(q)
 
 
 def test_short_gaps_are_bridged_on_request(tmp_path: Path) -> None:

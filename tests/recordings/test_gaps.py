@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,49 @@ def test_joint_angles(name: str, text: object, number: float, tmp_path: Path) ->
         part = go.read_motion(file, ARM.joint_names, part=2)
     assert part.time == pytest.approx(TIME[75:])
     assert part.q == pytest.approx(Q[75:], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rate", "missing"), [(100.0, (61, 75)), (120.0, (20, 30)), (29.97, (30, 37)), (50.0, (0, 10))]
+)
+def test_what_a_message_of_gaps_proposes_reads_the_file(
+    rate: float, missing: tuple[int, int], tmp_path: Path
+) -> None:
+    """Whatever the gap lasts; a gap at the beginning is left out by a part."""
+    q = Q.copy()
+    q[slice(*missing), 2:4] = np.nan
+    q[80:83, 5] = np.nan
+    time = np.round(TIME * 100.0 / rate, 5)
+    file = tmp_path / "a.csv"
+    file.write_text(table(q).replace(rows(TIME, q), rows(time, q)))
+    with pytest.raises(Gaps) as gaps:
+        go.read_motion(file)
+    fill = float(re.search(r"--fill ([\d.]+)\) bridges all", str(gaps.value))[1])  # type: ignore[index]
+    between = [time[83] - time[79]]
+    if missing[0] > 0:
+        between.append(time[missing[1]] - time[missing[0] - 1])
+    assert fill - 1.1e-3 < max(between) <= fill * (1.0 + 1e-9)
+    with pytest.warns(RuntimeWarning, match="bridged"):
+        motion = go.read_motion(file, ARM.joint_names, fill=fill)
+    assert motion.q == pytest.approx(Q[-len(motion) :], abs=0.02)
+    with pytest.raises(Gaps, match=f"--fill {fill:g}"):
+        go.read_motion(file, fill=0.5 * fill)
+
+
+def test_a_joint_without_numbers_cannot_be_bridged(tmp_path: Path) -> None:
+    q = Q.copy()
+    q[:, 4] = np.nan
+    file = tmp_path / "a.csv"
+    file.write_text(table(q))
+    with pytest.raises(Gaps, match=r"; no sample has REz_joint$"):
+        go.read_motion(file)
+    q = Q.copy()
+    q[:30] = np.nan
+    file.write_text(table(q))
+    with pytest.raises(
+        Gaps, match=r"joint; part=1 \(--part 1\) reads the part that is .*: 0\.30 to 1\.49 s$"
+    ):
+        go.read_motion(file)
 
 
 def test_a_motion_from_rest_at_zero_has_no_gap(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_poses_of_smpl_from_video(tmp_path: Path) -> None:
         motion = go.read_motion(file, ["REx_joint"], up="y", rate=50.0)
         assert motion.time == pytest.approx(TIME)
         assert motion.q[:, 0] == pytest.approx(flexion)
-    with pytest.raises(go.RecordingError, match=r"space_up='\+y'"):
+    with pytest.raises(go.RecordingError, match=r"pass up='y' \(--up=y\)"):
         go.read_motion(file, ["REx_joint"], rate=50.0)
     np.savez(file, global_orient=np.zeros((40, 3)), body_pose=body[:, :20])
     with pytest.raises(go.RecordingError, match="body_pose must have 3 and 63 or 69 columns"):

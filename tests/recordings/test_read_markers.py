@@ -112,7 +112,7 @@ def test_counts_in_the_header_of_trc_that_are_wrong_are_told(tmp_path: Path) -> 
         ("\t1102.0", "", "line 9 has 7 entries, 8 are needed for frame, time and 2 markers"),
         ("\t1102.0", "\t1102.0\t1", "line 9 has 9 entries, 8 are needed"),
         ("0.02", "", "line 9: the time is not a number: ''"),
-        ("0.02", "0.01", "time must be two or more finite numbers that increase"),
+        ("0.02", "0.01", "time must increase: sample 2 is at 0.01 s, the one before at 0.01 s"),
         ("mm", "ft", "line 3 must give Units m, cm or mm, not 'ft'"),
         ("RSHO\t\t\tRELB\t\t", "", "line 4 names no markers"),
         ("\tRSHO\t\t\tRELB\t\t", "", "line 4 must name Frame#, Time and the markers"),

@@ -133,7 +133,7 @@ def test_degrees_are_converted_to_radians(unit: str, tmp_path: Path) -> None:
         (
             "nan.csv",
             TABLE.replace("-1.1", "nan"),
-            r"a is missing at 0.010 s; .* 1 of 3 .*fill=0.1",
+            r"a is missing at 0.010 s; .* 1 of 3 .*fill=0\.02 ",
         ),
         ("back.csv", TABLE.replace("0.02,", "0.005,"), "time must increase: sample 2"),
         ("one.csv", "# unit: rad\ntime,a,b\n0,1,2\n", "at least two samples, got 1"),
@@ -194,7 +194,10 @@ def test_both_layouts_of_one_recording_agree(shared: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"# unit: rad\nTime [h],elbow\n0,1\n", r"line 2: time must be in s or ms, not 'h'"),
+        (
+            b"# unit: rad\nTime [h],elbow\n0,1\n",
+            r"line 2: time must be in s, ms, us or ns, not 'h'",
+        ),
         (b"<MMM><Motion>", r"broken XML at line 1, column 13: no element found; is the file cut"),
     ],
 )

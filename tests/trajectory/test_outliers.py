@@ -86,6 +86,18 @@ def test_a_frozen_sensor_is_named_and_kept() -> None:
     assert np.array_equal(found.q, q)
 
 
+def test_a_recording_that_is_held_and_then_jumps_is_frozen() -> None:
+    """As programs fill gaps with the last frame; a rest ends smoothly, and a spike comes back."""
+    q = Q.copy()
+    q[100:141] = q[100]
+    found = cleaned(q, r"shoulder from 1.000 to 1.400 s repeats one number .* beside a jump")
+    assert {each.kind for each in found.outliers} == {"frozen"}
+    q = np.minimum(TIME, 1.0)[:, None] * [1.0, 0.5, 0.2] + np.maximum(TIME - 1.5, 0.0)[:, None]
+    q[130, 1] += 0.5
+    found = cleaned(q, "spike")
+    assert [each.kind for each in found.outliers] == ["spike"]
+
+
 def test_rests_and_joints_at_their_limits_are_not_frozen() -> None:
     rest = np.minimum(TIME, 1.5)[:, None] * [1.0, 0.5, 0.2]
     held = Q.copy()

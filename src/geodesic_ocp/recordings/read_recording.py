@@ -41,9 +41,9 @@ from geodesic_ocp.recordings.markers.people import of_person
 from geodesic_ocp.recordings.recording import (
     Recording,
     ask_about_limits,
+    check_before_unwrapping,
     check_plausible,
     check_radians,
-    check_units,
     warn_of_gimbal_lock,
     within_limits,
 )
@@ -296,7 +296,7 @@ def read_recording(
         arm = _arm_of(motion.subject, file, side, height, mass, armature, has_trunk)
     with named_failures(file):
         motion = motion.select(arm.joint_names)
-        check_units(arm, motion)
+        check_before_unwrapping(arm, motion)
         motion = within_limits(arm, motion.without_outliers())
         check_plausible(arm, motion)
         ask_about_limits(arm, motion, str(file))

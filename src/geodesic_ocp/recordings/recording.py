@@ -11,6 +11,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.formats.text_lines import check_seconds
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -58,7 +59,6 @@ def as_recordings(given: Any) -> tuple[Recording, ...]:
 
 # Recordings exceed the joint limits by tenths; more than this means wrong units [rad or m].
 _FAR_OUTSIDE = 2.0
-_LONGEST_STEP = 1.0  # [s] between samples of a recording
 # No joint of a person, nor of an arm, is two revolutions from zero; in degrees, any motion is.
 LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 
@@ -78,13 +78,30 @@ def check_units(model: Model, motion: Motion) -> None:
         ValueError: samples are a second or more apart, or most angles are far outside the limits
             and would not be in degrees.
     """
-    step = float(np.median(np.diff(motion.time)))
-    if step >= _LONGEST_STEP:
-        raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
+    check_seconds(motion.time)
     outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
     if _are_degrees(model, motion.q, outside):
         worst_joint = int(np.argmax(outside.max(axis=0)))
-        raise ValueError(_question(motion.joint_names[worst_joint], motion.q[:, worst_joint]))
+        question = _question(motion.joint_names[worst_joint], motion.q[:, worst_joint])
+        if _is_within_a_revolution(motion):
+            question += (
+                "; or are they between 0 and 360 deg, in place of -180 and 180? An offset of -360 "
+                "in columns=... (--columns) turns them back"
+            )
+        raise ValueError(question)
+
+
+def check_before_unwrapping(model: Model, motion: Motion) -> None:
+    """Check units as `check_units`, unless the numbers may be angles that were wrapped.
+
+    In other units, some steps would look like whole revolutions.
+    """
+    if not _is_within_a_revolution(motion):
+        check_units(model, motion)
+
+
+def _is_within_a_revolution(motion: Motion) -> bool:
+    return bool(np.abs(motion.q).max() <= 2.0 * np.pi)
 
 
 def check_plausible(model: Model, motion: Motion) -> None:

@@ -4,9 +4,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.arrays import as_choice, as_positive
+from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
-from geodesic_ocp.recordings.markers.marker_set import marker_sets
+from geodesic_ocp.recordings.markers.marker_set import check_known
 from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 
 
@@ -66,8 +66,8 @@ class RecordingSettings:
             file = getattr(self, name)
             if file is not None and not Path(file).is_file():
                 raise ValueError(f"{name}: there is no file {file!r}")
-        if self.marker_set is not None and not Path(self.marker_set).is_file():
-            as_choice("marker_set, which is no file,", self.marker_set, [*marker_sets()])
+        if self.marker_set is not None:
+            check_known(self.marker_set)
         named = self.convention is None or self.convention in ANGLE_CONVENTIONS
         if self.convention is not None and not named and not Path(self.convention).is_file():
             raise ValueError(

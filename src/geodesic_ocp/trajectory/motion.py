@@ -151,13 +151,7 @@ class Motion:
                 raise ValueError(f"{name}{which} is {array[row, column]} at sample {row}")
         if self.trunk is not None and len(self.trunk) != time.size:
             raise ValueError(f"trunk must have {time.size} samples, got {len(self.trunk)}")
-        steps = np.diff(time)
-        if np.any(steps <= 0.0):
-            row = int(np.argmax(steps <= 0.0)) + 1
-            raise ValueError(
-                f"time must increase: sample {row} is at {time[row]:.6g} s, the one before at "
-                f"{time[row - 1]:.6g} s"
-            )
+        check_increasing(time)
         object.__setattr__(self, "joint_names", names)
         for name, array in (arrays | {"time": time}).items():
             array.flags.writeable = False
@@ -378,6 +372,17 @@ class Motion:
         else:
             q, velocity, used = low_passed(self.time, before, cutoff)
         return replace(cleaned, q=q, velocity=velocity, unfiltered=before, filter=used)
+
+
+def check_increasing(time: Array) -> None:
+    """Raise ValueError, which names the sample, if times (k,) [s] do not increase."""
+    later = np.diff(time) > 0.0
+    if not later.all():
+        row = int(np.argmin(later)) + 1
+        raise ValueError(
+            f"time must increase: sample {row} is at {time[row]:.6g} s, the one before at "
+            f"{time[row - 1]:.6g} s"
+        )
 
 
 def bandwidth(motion: Motion, cutoff: float | None = None) -> float:

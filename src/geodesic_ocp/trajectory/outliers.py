@@ -41,8 +41,8 @@ class Outlier(ShortRepr):
     Attributes:
         kind: "spike", one sample that is far from its neighbours; "repeated frame", equal to the
             one before in all joints and caught up with afterwards; "wrap", a step by whole
-            revolutions; "frozen", a joint that repeats a number while others move; "gap", a number
-            to which a joint jumps and back (`gap_samples`).
+            revolutions; "frozen", a joint that repeats a number while others move, or beside a
+            jump; "gap", a number to which a joint jumps and back (`gap_samples`).
         joint: name of the joint; of a repeated frame "all joints".
         start, stop: times of the first and the last such sample [s].
         size: how far a spike is from its neighbours, or a wrap [rad]; else 0.
@@ -68,7 +68,7 @@ class Outlier(ShortRepr):
         kept = "kept: cut the recording there, or leave it out"
         if self.kind == "gap":
             return f"{span} jumps to a number and back (gap, {kept})"
-        return f"{span} repeats one number while others move (frozen, {kept})"
+        return f"{span} repeats one number while others move or beside a jump (frozen, {kept})"
 
 
 def without_outliers(
@@ -210,24 +210,31 @@ def _frozen(
 
     A joint whose noise is small against the resolution of its numbers repeats them wherever it
     stands still, or moves by less than that. It is frozen where it repeats one for longer than it
-    would by chance, once in twenty recordings, or jumps afterwards.
+    would by chance, once in twenty recordings, or beside a jump, whether others move or not.
     """
     values = q[:, column]
     for first, after in _runs(np.diff(values) == 0.0):
         span = slice(first, after + 1)
         if after - first < NEAR or time[after] - time[first] < _FROZEN:
             continue
-        if np.ptp(q[span], axis=0).max() < _ELSEWHERE or np.ptp(values) < LEAST:
+        if np.ptp(values) < LEAST:
             continue
         if min(values[first] - values.min(), values.max() - values[first]) < _AT_LIMIT:
+            continue
+        edges = [edge for edge in (first, first + 1, after, after + 1) if edge < len(values)]
+        jumps = np.abs(away[edges]) > np.maximum(JUMP * noise[edges], max(LEAST, 2.0 * resolution))
+        beyond = [edge for edge in (first - 2, after + 2) if 0 <= edge < len(values)]
+        stays_away = np.abs(values[beyond] - values[first]).max() > LEAST  # which no spike does
+        if jumps.any() and stays_away:
+            yield int(first), int(after)
+            continue
+        if np.ptp(q[span], axis=0).max() < _ELSEWHERE:
             continue
         others = np.delete(away[2:-2], np.s_[max(first - 4, 0) : after + 1])
         noisy = others.size > 8 and others[1:] @ others[:-1] < _ALTERNATING * (others @ others)
         chance = _stay(np.abs(others), resolution) if noisy else 1.0
         by_chance = len(values) * chance ** float(after + 1 - first)
-        edges = [edge for edge in (first, first + 1, after, after + 1) if edge < len(values)]
-        jumps = np.abs(away[edges]) > np.maximum(JUMP * noise[edges], max(LEAST, 2.0 * resolution))
-        if by_chance < 0.05 or jumps.any():
+        if by_chance < 0.05:
             yield int(first), int(after)
 
 

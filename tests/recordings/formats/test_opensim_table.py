@@ -39,6 +39,14 @@ def test_every_separator_and_the_unit(separator: str, tmp_path: Path) -> None:
     assert table.q == pytest.approx(np.array([[np.pi / 2, 0.5], [np.pi, 0.6]]))
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_encodings_of_older_programs(encoding: str, tmp_path: Path) -> None:
+    file = tmp_path / "x.mot"
+    file.write_bytes(TABS.replace("Coordinates", "Bewegung für µ").encode(encoding))
+    expected = read_coordinates(write(tmp_path, TABS, "plain.mot"))
+    assert read_coordinates(file).q == pytest.approx(expected.q)
+
+
 def test_radians_and_translations_of_other_names(tmp_path: Path) -> None:
     radians = TABS.replace("yes", "no").replace("180", "1.8").replace("90", "0.9")
     file = write(tmp_path, radians)
@@ -84,7 +92,11 @@ def test_another_number_of_rows_is_not_silent(tmp_path: Path) -> None:
         ("elbow\t", "\t", "line 10: column 2 has no name"),
         ("180\t", "", "line 12 has 2 entries, the names of columns 3"),
         ("180", "x", "line 12: elbow is not a number: 'x'"),
-        ("180", "nan", r"elbow is missing at 0\.100 s; in all 1 of 2 samples .*--fill 0\.1"),
+        (
+            "180",
+            "nan",
+            r"elbow is missing at 0\.100 s; in all 1 of 2 samples .*no part is whole for",
+        ),
         ("180", "inf", "line 12: elbow is inf"),
         ("0.1\t", "0.0\t", "time must increase: sample 1"),
         ("0.1\t180\t0.6\n", "", "at least two samples"),

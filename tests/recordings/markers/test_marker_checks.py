@@ -106,12 +106,40 @@ def test_mirrored_people_are_refused(walker: Markers) -> None:
 
 @pytest.mark.parametrize(
     ("factor", "message"),
-    [(1e3, "are the numbers mm or cm"), (1e2, "are the numbers mm or cm"), (1e-3, "m or cm")],
+    [
+        (1e3, "are the numbers mm or cm"),
+        (1e2, "are the numbers mm or cm"),
+        (1e1, r"the markers of the thorax are \S+ to \S+ times as far apart .* numbers mm or cm"),
+        (1e-1, r"the markers of the thorax are \S+ to \S+ times as far apart .* numbers m or cm"),
+        (1e-3, "m or cm"),
+    ],
 )
 def test_positions_in_another_unit(factor: float, message: str, walker: Markers) -> None:
     scaled = replace(walker, positions=factor * walker.positions)
     with pytest.raises(ValueError, match=message):
         fit_markers(go.human_arm("right"), scaled)
+
+
+def test_times_in_milliseconds_are_asked_about(walker: Markers) -> None:
+    with pytest.raises(ValueError, match=r"samples are .* s apart: is time in milliseconds"):
+        fit_markers(go.human_arm("right"), replace(walker, time=1e3 * walker.time))
+
+
+def test_markers_of_the_other_arm_are_named(walker: Markers) -> None:
+    trunk = {name for name, (segment, _) in MMM_MARKERS.places.items() if segment == "thorax"}
+    names = tuple(each if each in trunk else f"L{each[1:]}" for each in walker.names)
+    with pytest.raises(ValueError, match=r"determine none of .*; not on it, .*, are L"):
+        fit_markers(go.human_arm("right"), replace(walker, names=names), up="z")
+
+
+def test_a_misspelt_segment_of_a_set_is_told(walker: Markers) -> None:
+    places = dict(MMM_MARKERS.places)
+    places["RWTS"] = ("right forarm", places["RWTS"][1])
+    misspelt = replace(MMM_MARKERS, places=places)
+    arm = go.human_arm("right", HEIGHT)
+    with pytest.warns(RuntimeWarning, match="has RWTS on 'right forarm', which is neither a seg"):
+        fit = fit_markers(arm, walker, marker_set=misspelt, estimate=())
+    assert fit.left_out == ("RWTS",)
 
 
 @pytest.mark.parametrize("content", [TRC, MARKER_TABLE])

@@ -47,6 +47,13 @@ def test_mistakes_are_named(tmp_path: Path, changes: dict[str, object], message:
     assert str(failure.value).startswith(str(file))
 
 
+def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "set.json"
+    file.write_text("{")
+    with pytest.raises(go.RecordingError, match=r"set\.json: is not a marker set in JSON"):
+        as_marker_set(file)
+
+
 def test_known_sets_are_named() -> None:
     known = as_marker_set("HALPE_26")
     assert known is not None
@@ -54,6 +61,8 @@ def test_known_sets_are_named() -> None:
     assert RecordingSettings(marker_set="HALPE_26").reading()["marker_set"] == "HALPE_26"
     with pytest.raises(ValueError, match="marker_set, which is no file, must be one of BODY_25, "):
         RecordingSettings(marker_set="HALPE")
+    with pytest.raises(ValueError, match="marker_set, which is no file, must be one of BODY_25, "):
+        as_marker_set("HALPE")
 
 
 def test_a_number_is_no_marker_set() -> None:

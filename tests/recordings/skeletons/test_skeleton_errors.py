@@ -193,6 +193,7 @@ NPZ = (
     ({"poses": np.zeros((3, 70))}, r"'poses' must have 66, 72, 156 or 165 columns.*\(3, 70\)"),
     ({"poses": np.zeros(72)}, r"'poses' must have 66, 72, 156 or 165 columns"),
     ({"poses": np.full((3, 72), np.nan)}, r"'poses' is nan in frame 0"),
+    ({"poses": np.full((3, 72), 90.0)}, r"'poses' is 90 in frame 0: are .* vectors in degrees"),
     ({"poses": np.array([["a"] * 72] * 3)}, r"'poses' must be numbers, is <U1"),
     ({"poses": np.array([[None] * 72] * 3)}, r"'poses' cannot be read: it holds Python objects"),
     ({"poses": np.tile(UPRIGHT, (1, 1))}, r"a motion needs two frames, there are 1"),

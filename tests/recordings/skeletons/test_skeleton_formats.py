@@ -153,7 +153,7 @@ def test_smpl_in_a_space_with_y_up_must_say_so(tmp_path: Path) -> None:
     arrays["poses"][:, :3] = (Rotation.from_matrix(FILE) * upright).as_rotvec()
     turned = tmp_path / "y.npz"
     np.savez(turned, **arrays)
-    with pytest.raises(go.RecordingError, match=r"\+z should be vertical.*space_up='\+y'"):
+    with pytest.raises(go.RecordingError, match=r"\+z should be vertical.*\(--up=y\) or up='z'"):
         read_smpl(turned)
     read = read_smpl(turned, replace(SMPL, space_up="+y"))
     check_same(read, motion, segment_orientations(motion))

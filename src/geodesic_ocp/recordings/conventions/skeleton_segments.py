@@ -440,13 +440,19 @@ def _space(stated: str | None, usual: Array, body: Array, thorax: Array) -> Arra
     if stated is None and np.abs(mean).max() > _ALONG_ANOTHER and mean @ vertical < _NOT_UPRIGHT:
         raise RecordingError(
             f"{_name(vertical)} should be vertical, but the thorax points along {_name(mean)}: is "
-            "that the vertical axis of the recording, or does the person lie? State "
-            f"space_up={_name(mean)!r} or {_name(vertical)!r} in a SkeletonConvention"
+            "that the vertical axis of the recording, or does the person lie? Then pass "
+            f"up={_option(mean)!r} (--up={_option(mean)}) or up={_option(vertical)!r}, or state "
+            "space_up in a SkeletonConvention"
         )
     if np.allclose(vertical, body[:, 2]):
         return body.T
     first = np.roll(np.abs(vertical), 1)  # the horizontal axes follow in cyclic order
     return np.stack([first, np.cross(vertical, first), vertical])
+
+
+def _option(axis: Array) -> str:
+    """Return the axis as the argument `up` names it."""
+    return _name(axis).removeprefix("+")
 
 
 def _name(axis: Array) -> str:

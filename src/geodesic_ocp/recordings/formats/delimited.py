@@ -46,7 +46,8 @@ from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.people import distinct_labels
 from geodesic_ocp.trajectory.motion import Subject
 
-_MISSING = ("", "nan", "-nan")
+# What programs write for a missing number, as pandas.read_csv reads it, too.
+_MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "null", "none")
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def read_rows(
     blank: str = " ,\t",
     ends: bool = True,
 ) -> Rows:
-    """Return the rows that follow `start` lines, "n/a" as empty cells.
+    """Return the rows that follow `start` lines.
 
     Args:
         lines: of the file.
@@ -126,8 +127,7 @@ def read_rows(
     found = Rows(tuple(names), [], [])
     for number, line in enumerate(lines[start:], start + 1):
         if line.strip(blank):
-            cells = split_line(line, separator)
-            entries = ["" if each.lower() == "n/a" else each for each in cells]
+            entries = split_line(line, separator)
             if ends:
                 while len(entries) > len(names) and not entries[-1]:
                     entries.pop()
@@ -193,7 +193,12 @@ class Table:
             warnings.warn(f"{file}: read with {'; '.join(self.assumed)}", RuntimeWarning, 4)
 
 
-_SECONDS = {**dict.fromkeys(("s", "sec", "seconds"), 1.0), "ms": 1e-3, "milliseconds": 1e-3}
+_SECONDS = {
+    **dict.fromkeys(("s", "sec", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nanoseconds"), 1e-9),
+}
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 
 
@@ -259,7 +264,9 @@ def read_csv(
         name, own = name_and_unit(cell)
         if cell in times[:1]:
             if own and own not in _SECONDS:
-                raise RecordingError(f"line {first + 1}: time must be in s or ms, not {own!r}")
+                raise RecordingError(
+                    f"line {first + 1}: time must be in s, ms, us or ns, not {own!r}"
+                )
             seconds = _SECONDS.get(own, 1.0)
             if cell != wanted:
                 assumed.append(f"{cell!r} as the time in {own or 's'}")

@@ -26,6 +26,7 @@ from geodesic_ocp.recordings.formats.series import Series
 from geodesic_ocp.recordings.formats.text_lines import (
     named_failures,
     rate_of,
+    read_lines,
     stated,
     stated_rate,
     times_at,
@@ -62,7 +63,7 @@ def read_coordinates(
             should be in radians look like degrees; names the line.
     """
     with named_failures(file):
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_lines(file)
         header, first = _opensim_header(lines)
         factor = _radians(file, header, degrees_in)
         while first < len(lines) and not lines[first].strip(" ,\t"):

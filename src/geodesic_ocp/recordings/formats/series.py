@@ -6,6 +6,7 @@ on request, and long ones divide the recording into parts. Every format of joint
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -138,26 +139,56 @@ class Series:
         columns = np.flatnonzero(self.stand_for_gaps.any(axis=0))
         every = columns.size == len(self.joint_names) > 1
         names = "every joint" if every else ", ".join(self.joint_names[k] for k in columns)
+        jump = "jumps" if every or columns.size == 1 else "jump"
         number = self.q[rows[0], columns[np.argmax(self.stand_for_gaps[rows[0], columns])]]
-        return (
-            f"; {rows.size} samples from {self.time[rows[0]]:.3f} s on are gaps, as {names} jumps "
-            f"there to a number such as {number:.6g} and back"
-        )
+        start = f"{self.time[rows[0]]:.3f} s"
+        gaps = f"{rows.size} samples from {start} on are gaps"
+        if rows.size == 1:
+            gaps = f"the sample at {start} is a gap"
+        return f"; {gaps}, as {names} {jump} there to a number such as {number:.6g} and back"
 
     def _gaps(
         self, file: Path, gone: NDArray[np.bool_], parts: Sequence[NDArray[np.int64]]
     ) -> Gaps:
+        """Return the error that says what is missing, and what reads the file nevertheless.
+
+        Args:
+            gone: where samples are missing (k, n) in gaps that are not bridged.
+            parts: samples of the parts between them.
+        """
         spans = [(float(self.time[each[0]]), float(self.time[each[-1]])) for each in parts]
         row, column = np.argwhere(gone)[0]
-        between = ", ".join(f"{start:.2f} to {end:.2f} s" for start, end in spans)
         lacking = int(gone.any(axis=1).sum())
+        remedies = []
+        longest = max(self._longest_gap(each) for each in gone.T)
+        if empty := [self.joint_names[k] for k in np.flatnonzero(gone.all(axis=0))]:
+            remedies.append(f"no sample has {', '.join(empty)}")
+        elif longest > 0.0:
+            enough = math.ceil(1e3 * longest * (1.0 - 1e-9)) / 1e3  # not less, in few digits
+            remedies.append(
+                f"fill={enough:g} (--fill {enough:g}) bridges all gaps, of which the longest "
+                f"lasts {longest:.3g} s"
+            )
+        if spans:
+            between = ", ".join(f"{start:.2f} to {end:.2f} s" for start, end in spans)
+            reads = "part=1 (--part 1), ... reads the parts apart that are"
+            if len(spans) == 1:
+                reads = "part=1 (--part 1) reads the part that is"
+            remedies.append(f"{reads} whole for {_SHORTEST:g} s or more: {between}")
+        elif not empty:
+            remedies.append(f"no part is whole for {_SHORTEST:g} s")
         return Gaps(
             f"{file}: {self.joint_names[column]} is missing at {self.time[row]:.3f} s; in all "
-            f"{lacking} of {len(self.time)} samples lack a joint{self._reason()}. fill=0.1 "
-            "(--fill 0.1) bridges gaps of up to 0.1 s; part=1 (--part 1), ... reads the parts "
-            f"apart that are whole for {_SHORTEST:g} s or more: {between or 'there is none'}",
+            f"{lacking} of {len(self.time)} samples lack a joint{self._reason()}; "
+            + "; ".join(remedies),
             spans,
         )
+
+    def _longest_gap(self, gone: NDArray[np.bool_]) -> float:
+        """Return how long a column lacks numbers (k,) between two that it has [s]."""
+        known = self.time[~gone]
+        apart = np.diff(np.flatnonzero(~gone)) > 1
+        return float(np.diff(known)[apart].max(initial=0.0))
 
 
 def without_gaps(file: Path, motion: Motion, *, fill: float | None, part: int | None) -> Motion:

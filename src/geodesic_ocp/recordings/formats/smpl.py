@@ -30,6 +30,7 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     skeleton_segments,
 )
 from geodesic_ocp.recordings.formats.text_lines import named_failures, stated_rate
+from geodesic_ocp.recordings.recording import LARGEST_ANGLE
 from geodesic_ocp.records import read_arrays
 
 # Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
@@ -62,7 +63,6 @@ _WIDTHS = (66, 72, 156, 165)  # the body alone, SMPL, SMPL-H, SMPL-X
 _PARTS = {("root_orient", "pose_body"): (63,), ("global_orient", "body_pose"): (63, 69)}
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
 _SLOWEST, _FASTEST = 1e-3, 1e6  # [Hz]
-_LARGEST = 1e3  # [rad], of a rotation vector's components
 
 
 def read_smpl(
@@ -106,10 +106,14 @@ def _motion(poses: Array, rate: float) -> SkeletonMotion:
             "'poses' must have 66, 72, 156 or 165 columns (the body, SMPL, SMPL-H, SMPL-X), has "
             f"the shape {poses.shape}"
         )
-    bad = np.argwhere(~(np.abs(poses) < _LARGEST))
+    bad = np.argwhere(~(np.abs(poses) < LARGEST_ANGLE))
     if len(bad):
         frame, column = bad[0]
-        raise RecordingError(f"'poses' is {poses[frame, column]} in frame {frame}")
+        number = poses[frame, column]
+        asked = ": are the rotation vectors in degrees? They must be in rad"
+        raise RecordingError(
+            f"'poses' is {number:g} in frame {frame}{asked if np.isfinite(number) else ''}"
+        )
     if not _SLOWEST < rate < _FASTEST:
         raise RecordingError(f"the rate of the recording is {rate} Hz")
     names, parents, offsets = zip(*_JOINTS, strict=True)

@@ -140,6 +140,19 @@ def times_at(count: int, rate: float) -> Array:
     return np.arange(count) / as_positive("rate", rate, "Hz")
 
 
+_LONGEST_STEP = 1.0  # [s] between samples of a recording
+
+
+def check_seconds(time: Array) -> None:
+    """Raise ValueError, which asks for the unit, if samples at times (k,) are a second apart."""
+    step = float(np.median(np.diff(time)))
+    if step >= _LONGEST_STEP:
+        raise ValueError(
+            f"samples are {step:g} s apart: is time in milliseconds? It must be in s; the header "
+            "of a table may say 'time [ms]'"
+        )
+
+
 _TIMES = ("time", "t", "zeit", "timestamp")
 
 

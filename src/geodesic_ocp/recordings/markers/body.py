@@ -36,6 +36,12 @@ def on_trunk(segment: str) -> bool:
     return segment in _TRUNK
 
 
+def is_segment(name: str) -> bool:
+    """Return whether this is the name of a person's segment, of either side."""
+    side, _, part = name.partition(" ")
+    return on_trunk(name) or (side in _SIDES and part in _CARRIERS)
+
+
 @dataclass(frozen=True, eq=False)
 class Attachment:
     """Place of a point on a body: its joint's index, its segment's rotation and origin.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,9 +11,15 @@ import scipy
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.recordings.markers.body import MarkedBody, on_trunk
+from geodesic_ocp.recordings.markers.body import MarkedBody, is_segment, on_trunk
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet, marker_sets
-from geodesic_ocp.recordings.markers.markers import Markers, evenly, frozen_samples
+from geodesic_ocp.recordings.markers.markers import (
+    IN_M,
+    IN_MM,
+    Markers,
+    evenly,
+    frozen_samples,
+)
 
 Base = Literal["fixed", "free"]
 
@@ -70,6 +77,9 @@ def choose_markers(
     Offsets in metres are divided by `height_factor`, by which the body is to be scaled. Positions
     that are held, see `frozen_samples`, are missing.
 
+    Warns:
+        RuntimeWarning: a set that is given has markers on something that is no segment.
+
     Raises:
         ValueError: no marker is seen at all; the set has no marker of the recording on this body;
             or it gives offsets as fractions of a height that the model does not have.
@@ -107,6 +117,8 @@ def choose_markers(
             f"{body.model.name!r}; say where they are with marker_set=MarkerSet(...), "
             "or in a file (--marker-set)"
         )
+    if marker_set is not None:
+        _warn_of_unknown_segments(body, marker_set, names)
     unit = float(body.height or 0.0) if used.unit == "height" else 1.0 / height_factor
     observed = positions.positions[:, [positions.names.index(name) for name in match]]
     segments = [used.places[marker][0] for marker in match.values()]
@@ -126,6 +138,23 @@ def choose_markers(
         left_out=tuple(name for name in positions.names if name not in match),
         frozen={name: share for name, share in shares.items() if share > 0.0},
     )
+
+
+def _warn_of_unknown_segments(body: MarkedBody, used: MarkerSet, names: tuple[str, ...]) -> None:
+    """Yield a RuntimeWarning if recorded markers are on what is neither a segment nor a frame."""
+    places = {name: used.places[marker][0] for name, marker in used.matching(names).items()}
+    found = [
+        f"{name} on {segment!r}"
+        for name, segment in places.items()
+        if not (is_segment(segment) or body.has(segment))
+    ]
+    if found:
+        warnings.warn(
+            f"marker set {used.name!r} has {', '.join(found)}, which is neither a segment of a "
+            f"person nor a frame of {body.model.name!r}: left out",
+            RuntimeWarning,
+            stacklevel=4,
+        )
 
 
 def _frames(body: MarkedBody) -> MarkerSet:
@@ -199,6 +228,9 @@ def known_height(
 
 _RIGID = 0.03  # root mean square distance of the markers of a segment from a rigid body at most [m]
 _FRAMES = 200  # that are considered
+# Adults and children differ by a factor of up to two in height, and trunks of one height by less
+# than another; units of length differ by ten or more.
+_ANOTHER_UNIT = 4.0
 _LEANING = 60.0  # angle of the trunk from the vertical, in the mean over time, that is asked about
 # Root mean square distance of points from a line, up to which they count as in line [m]: keypoints
 # of video have errors of this size.
@@ -304,6 +336,26 @@ def is_in_line(places: Array) -> bool:
     return bool(sizes[1] < _IN_LINE * np.sqrt(len(places)))
 
 
+def _check_scale(segment: str, places: Array, points: Array, height: float) -> None:
+    """Check the distances between markers (k, m, 3) for another unit than that of places (m, 3).
+
+    All must say so: single markers may be elsewhere.
+    """
+    first, second = np.triu_indices(len(places), 1)
+    expected = np.linalg.norm(places[first] - places[second], axis=1)
+    apart = np.linalg.norm(points[:, first] - points[:, second], axis=2)
+    usable = (expected > _IN_LINE) & ~np.isnan(apart).all(axis=0)
+    if not usable.any():
+        return
+    factors = np.nanmedian(apart[:, usable], axis=0) / expected[usable]
+    for factor, unit in ((factors.min(), IN_MM), (1.0 / factors.max(), IN_M)):
+        if factor > _ANOTHER_UNIT:
+            raise ValueError(
+                f"positions: the markers of the {segment} are {factors.min():.3g} to "
+                f"{factors.max():.3g} times as far apart as on a person of {height:.3g} m{unit}"
+            )
+
+
 def check_trunk(body: MarkedBody, chosen: ChosenMarkers, *, ask_up: bool) -> None:
     """Check the markers of the thorax or, without three of them, the pelvis.
 
@@ -312,7 +364,7 @@ def check_trunk(body: MarkedBody, chosen: ChosenMarkers, *, ask_up: bool) -> Non
 
     Raises:
         ValueError: the trunk is more than 60 deg from the vertical, in the mean over time; or its
-            markers are those of a mirrored person.
+            markers are those of a mirrored person, or in another unit of length.
     """
     pelvis = {"pelvis", "trunk"}
     thorax = {"thorax", "right shoulder", "left shoulder"} | (pelvis if body.lone_side else set())
@@ -331,6 +383,7 @@ def check_trunk(body: MarkedBody, chosen: ChosenMarkers, *, ask_up: bool) -> Non
     places = body.trunk_points(segments, chosen.places[columns])
     if is_in_line(places):
         return
+    _check_scale(segment, places, points, body.height or 0.0)
     proper, mirrored = rigid_errors(places, points)
     if proper > _RIGID and mirrored < proper / 2:
         raise ValueError(

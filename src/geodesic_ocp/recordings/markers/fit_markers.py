@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.formats.text_lines import check_seconds
 from geodesic_ocp.recordings.markers.body import MarkedBody, on_trunk
 from geodesic_ocp.recordings.markers.chosen_markers import (
     Base,
@@ -83,9 +84,11 @@ def solve_fit(problem: FitProblem, time: Array, ipopt: dict[str, Any] | None) ->
     if loose.all():
         unseen = float(np.mean(~seen.any(axis=1)))
         gaps = f"; for {unseen:.0%} of the time no marker is seen" if unseen > 0.0 else ""
+        left_out = problem.chosen.left_out
+        others = f"; not on it, by their names, are {', '.join(left_out)}" if left_out else ""
         raise ValueError(
             f"the markers, on {', '.join(sorted(set(problem.chosen.segments)))}, determine none of "
-            f"the joints of {problem.body.model.name!r} for half of the time or more{gaps}"
+            f"the joints of {problem.body.model.name!r} for half of the time or more{gaps}{others}"
         )
     stages = [(rows, wide, _ROUGHLY), (rows, narrow, _ROUGHLY), (everything, narrow, _CLOSELY)]
     if rows.size == time.size:
@@ -267,6 +270,7 @@ def fit_markers(
 
 
 def _check_times(time: Array) -> None:
+    check_seconds(time)
     steps = np.diff(time)
     row = int(np.argmin(steps))
     if steps[row] < _CLOSEST * float(np.median(steps)):

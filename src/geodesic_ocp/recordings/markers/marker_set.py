@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from geodesic_ocp.arrays import as_not_negative, as_vector
+from geodesic_ocp.arrays import as_choice, as_not_negative, as_vector
 from geodesic_ocp.records import as_stated
 
 Place = tuple[str, tuple[float, float, float]]
@@ -95,6 +95,14 @@ def _plain(name: str) -> str:
     return "".join(each for each in name.rpartition(":")[2].lower() if each.isalnum())
 
 
+def check_known(name: str) -> None:
+    """Raise ValueError, which lists the names of the known sets, if this is neither one nor a
+    file.
+    """
+    if not Path(name).is_file():
+        as_choice("marker_set, which is no file,", name, marker_sets())
+
+
 def as_marker_set(given: MarkerSet | str | PathLike[str] | None) -> MarkerSet | None:
     """Return the marker set itself, the one of this name, or the one in a JSON or TOML file with
     the attributes as its keys.
@@ -104,10 +112,12 @@ def as_marker_set(given: MarkerSet | str | PathLike[str] | None) -> MarkerSet | 
 
     Raises:
         RecordingError: the file is missing or malformed, or its keys or values are others.
-        ValueError: the argument is neither a marker set, a name nor a path.
+        ValueError: the argument is neither a marker set, a known name nor a path.
     """
-    if isinstance(given, str) and given in marker_sets():
-        return marker_sets()[given]
+    if isinstance(given, str):
+        check_known(given)
+        if given in marker_sets():
+            return marker_sets()[given]
     file = Path(given) if isinstance(given, PathLike) else given
     return as_stated(MarkerSet, file, "marker_set", "a marker set")
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_choice
 from geodesic_ocp.recordings.formats.text_lines import LENGTHS
 from geodesic_ocp.trajectory.gaps import gap_samples
-from geodesic_ocp.trajectory.motion import Subject
+from geodesic_ocp.trajectory.motion import Subject, check_increasing
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,8 +43,9 @@ class Markers:
                 f"positions must be (k, {len(names)}, 3) for {len(names)} names and time (k,), got "
                 f"shapes {positions.shape} and {time.shape}"
             )
-        if time.size < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0.0):
+        if time.size < 2 or not np.all(np.isfinite(time)):
             raise ValueError("time must be two or more finite numbers that increase")
+        check_increasing(time)
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"names of markers must differ, got {', '.join(twice)} twice")
@@ -132,7 +133,7 @@ def without_gap_numbers(markers: Markers) -> tuple[Markers, str]:
 # smallest movements that are recorded, of one hand, are farther apart [m].
 _WIDEST, _FARTHEST, _NARROWEST = 10.0, 100.0, 0.05
 _ASKED = ": are the numbers {} or cm? A file must state their unit, Markers must be in m"
-_IN_MM, _IN_M = _ASKED.format("mm"), _ASKED.format("m")
+IN_MM, IN_M = _ASKED.format("mm"), _ASKED.format("m")
 
 
 def check_plausible_size(markers: Markers) -> None:
@@ -151,7 +152,7 @@ def check_plausible_size(markers: Markers) -> None:
         return
     away = float(np.median(np.abs(positions[seen]).max(axis=1)))
     if away > _FARTHEST:
-        raise ValueError(f"half of the markers are over {away:.4g} m from the origin{_IN_MM}")
+        raise ValueError(f"half of the markers are over {away:.4g} m from the origin{IN_MM}")
     rows = positions[seen.sum(axis=1) > 1]
     if not len(rows):
         return
@@ -162,9 +163,9 @@ def check_plausible_size(markers: Markers) -> None:
         size = 2.0 * float(np.median(around))
         widest = float(np.max(np.nanmax(rows, axis=1) - np.nanmin(rows, axis=1)))
     if size > _WIDEST:
-        raise ValueError(f"the markers of a sample are {size:.4g} m apart{_IN_MM}")
+        raise ValueError(f"the markers of a sample are {size:.4g} m apart{IN_MM}")
     if len(markers.names) >= 3 and widest < _NARROWEST:
-        raise ValueError(f"all markers of a sample are within {widest:.3g} m{_IN_M}")
+        raise ValueError(f"all markers of a sample are within {widest:.3g} m{IN_M}")
 
 
 def frozen_samples(observed: Array, carriers: Sequence[int], outlier: float) -> NDArray[np.bool_]:
