@@ -122,6 +122,7 @@ class OneHeavyCoordinate(go.Metric):
         return ca.SX(ca.diag(ca.DM([1.0, 1e-6, 1e-6, 1e-6])))
 
 
+@pytest.mark.slow
 def test_error_of_the_energy_counts_limits_that_hold_light_coordinates() -> None:
     """They have no multipliers, and end far from their bounds, compared with Ipopt's barrier."""
 

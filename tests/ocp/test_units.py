@@ -93,7 +93,14 @@ class LimitedSpeed(InUnits):
         return [[(self.scale * q[1] / self.length, 0.5 * self.scale)]]
 
 
-@pytest.mark.parametrize("kind", [Disc, ThinWall, FreeEnd, Forest, LimitedSpeed])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        Disc,
+        FreeEnd,
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in (ThinWall, Forest, LimitedSpeed)),
+    ],
+)
 def test_a_problem_takes_the_same_iterates_in_any_unit(kind: type[InUnits]) -> None:
     expected = go.solve(kind())
     for length, mass, scale in ((TINY, HUGE, TINY**2), (HUGE, TINY, HUGE)):

@@ -80,7 +80,9 @@ FILES = installed()
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # what a file's author should know
-@pytest.mark.parametrize("name", [*FEATURES, *FILES])
+@pytest.mark.parametrize(
+    "name", [*FEATURES, *(pytest.param(each, marks=pytest.mark.slow) for each in FILES)]
+)
 def test_mass_matrix_limits_and_poses_are_those_of_mujoco(
     name: str, tmp_path: Path, rng: np.random.Generator
 ) -> None:

@@ -29,7 +29,7 @@ def outcome(folder: Path, name: str, content: bytes) -> go.Motion | Markers | No
     file = folder / re.sub(r"sub-01_.*", "sub-01_motion.tsv", name.replace(".asf", ".amc"))
     try:
         with warnings.catch_warnings():  # of counts that programs leave as they were
-            warnings.filterwarnings("ignore", ".*: its header says", RuntimeWarning)
+            warnings.filterwarnings("ignore", ".*: its header (says|counts)", RuntimeWarning)
             result = read_markers(file) if name.startswith("markers") else read_motion(file)
     except go.RecordingError as failure:
         message = str(failure)
