@@ -392,3 +392,18 @@ def test_the_unit_of_time_does_not_matter(unit: float) -> None:
     assert scaled.action * unit**3 == pytest.approx(motion.action, rel=1e-9)
     assert scaled.certificate.locally_minimizing
     assert scaled.certificate.residual < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("duration", [1e-4, 1.0, 1e4])
+@pytest.mark.parametrize("seed", [19, 52])
+def test_cubics_that_bend_sharply_are_certified_in_any_unit_of_time(
+    arm: go.Model, seed: int, duration: float
+) -> None:
+    """As few polynomials as those that found them do not represent them."""
+    rng = np.random.default_rng(seed)
+    start, end = rng.uniform(0.5 * arm.lower, 0.5 * arm.upper, (2, 7))
+    before, after = 0.5 * rng.normal(size=(2, 7)) / duration
+    for first in (before, None):
+        motion = go.cubic(go.KineticEnergy(arm), start, first, end, after, duration)
+        assert motion.certificate.locally_minimizing

@@ -116,7 +116,7 @@ def motion_measures(
     >>> import geodesic_ocp as go
     >>> arm, q = go.human_arm(), [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
     >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
-    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=400.0)
     >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
     >>> planned = go.plan_trajectory(paths)
     >>> trajectory = planned.sampled(100.0)
@@ -214,7 +214,7 @@ def compare_with_tracking(
     >>> import geodesic_ocp as go
     >>> arm, q = go.human_arm(), [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
     >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
-    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+    >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=400.0)
     >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
     >>> planned = go.plan_trajectory(paths)
     >>> trajectory = planned.sampled(100.0)

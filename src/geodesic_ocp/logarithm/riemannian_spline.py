@@ -27,7 +27,12 @@ Mask: TypeAlias = NDArray[np.bool_]
 FINE = SegmentBasis(10, 14)
 STEP = 1e-14  # tolerance of a step of the integration
 _MAX_STEPS = 5000
-_SAMPLES, _SMALL = 50, 1e-9
+_SAMPLES = 50
+_PARTS = (2, 4, 8, 16)  # of an interval between knots, in which polynomials are fitted to it
+_REPRESENTED = 1e-8  # of the extent of a motion, that such polynomials may miss
+# Of the action of other motions as far and long: below it is zero, as errors of 1e-9 of positions
+# are some 1e-5 of accelerations in polynomials of degree 12, and stationary is 1e-5 of the action.
+_SMALL = 1e-5
 _TERMS = 20  # of the Stumpff functions, up to a tension of `LONGEST` intervals
 LONGEST = 5.0  # interval between knots, times the tension: motions grow by exp(5) in it
 BOUNDARY = 1e-6  # residual of natural boundary conditions at an optimal end
@@ -232,25 +237,31 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         return tuple(times[is_active].tolist()), tuple(times[is_settled & ~is_active].tolist())
 
     def _second_variation(self) -> tuple[Array, scipy.sparse.csc_array]:
-        """Return gradient and Hessian of the discrete action on twice as many segments, by what is
-        free, relative to the action.
+        """Return gradient and Hessian of the discrete action on so many segments that their
+        polynomials are the motion, twice as many at least, by what is free, relative to the action.
         """
         n, (s, _) = self.metric.dim, FINE.rule
-        times = np.sort(np.append(self.times, (self.times[:-1] + self.times[1:]) / 2.0))
-        q, v, durations = self(times), self(times, 1), np.diff(times)[:, None]
-        ends = np.stack([q[:-1], durations * v[:-1], q[1:], durations * v[1:]], axis=1)
         values = FINE.values(s)
-        missing = self(instants(times, s)).reshape(len(ends), s.size, n) - values[:4].T @ ends
-        coefficients = np.linalg.pinv(values[4:].T) @ missing
+        count = len(self.times) - 1
+        for parts in _PARTS:
+            fractions = np.arange(parts * count + 1) / parts
+            times = np.interp(fractions, np.arange(count + 1), self.times)
+            q, v, durations = self(times), self(times, 1), np.diff(times)[:, None]
+            ends = np.stack([q[:-1], durations * v[:-1], q[1:], durations * v[1:]], axis=1)
+            missing = self(instants(times, s)).reshape(len(ends), s.size, n) - values[:4].T @ ends
+            coefficients = np.linalg.pinv(values[4:].T) @ missing
+            error = np.abs(values[4:].T @ coefficients - missing).max()
+            extent = float(np.ptp(q, axis=0).max())
+            if error <= _REPRESENTED * extent:
+                break
         x = variables(np.hstack([q, v]), coefficients)
         free = np.ones((len(times), 2 * n))
-        free[::2] = self.is_free
+        free[::parts] = self.is_free
         moves = variables(free, np.ones_like(coefficients)) > 0.0
         functions = action_program(self.metric, FINE, durations[:, 0], self.tension).functions
-        # The unit of a motion at constant speed, or of none, whose action vanishes.
-        floor = _SMALL * np.trace(self.metric.matrix(q[0]))
-        floor *= np.sum(v**2) / self.duration + 1.0 / self.duration**3
-        unit = max(self.action, float(floor))
+        # The action of a geodesic vanishes: it is compared with that of motions as far, as long.
+        usual = np.trace(self.metric.matrix(q[0])) * (extent or 1.0) ** 2 / self.duration**3
+        unit = max(self.action, float(_SMALL * usual))
         gradient = functions["grad_f"](x, [])[1].full()[:, 0] / unit
         upper = scipy.sparse.csc_array(functions["hess_lag"](x, [], 1.0 / unit, []).sparse())
         hessian = (upper + scipy.sparse.triu(upper, 1).T).tolil()

@@ -101,7 +101,8 @@ def retarget(
     >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
     >>> analysis = go.analyse(arm, reach)
     >>> robot = go.human_arm("left", height=1.95)
-    >>> result = go.retarget(analysis, robot, tolerance=1e-3)
+    >>> limits = go.execution.joint_limits(robot, velocity=8.0)  # [rad/s]
+    >>> result = go.retarget(analysis, robot, limits=limits, tolerance=1e-3)
     >>> result.success, len(result.synergies)
     (True, 3)
 
@@ -190,7 +191,10 @@ def retarget_arms(
     >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
     >>> analysis = go.analyse(arm, reach)
     >>> robots = [go.human_arm(side, height=1.95) for side in ("left", "right")]
-    >>> result = go.retargeting.retarget_arms([analysis] * 2, robots, tolerance=1e-3)
+    >>> limits = [go.execution.joint_limits(robot, velocity=8.0) for robot in robots]  # [rad/s]
+    >>> result = go.retargeting.retarget_arms(
+    ...     [analysis] * 2, robots, limits=limits, tolerance=1e-3
+    ... )
     >>> result.success, len(result.joint_names)
     (True, 14)
 
