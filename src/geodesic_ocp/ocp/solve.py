@@ -261,7 +261,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
     is_ended = bool(failed) and search.solver.was_ended(failed[-1])
     if is_ended and failed[-1].stats.status == STOPPED:
         return failed[-1]
-    if found and not is_ended:
+    if found:
         return min(found, key=lambda each: each.stats.objective)
     last = failed[-1] if is_ended else min(failed, key=lambda each: each.stats.guess != "")
     if is_ended:
