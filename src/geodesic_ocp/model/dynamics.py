@@ -14,8 +14,8 @@ import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from types import ModuleType
-from typing import Any
+from importlib.metadata import version
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,7 @@ import pinocchio as pin
 from geodesic_ocp.arrays import Array, as_choice, as_vector, evaluate, is_symbolic
 from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.model import rigid_body
+from geodesic_ocp.model.casadi_interface.library import Library, find_library
 from geodesic_ocp.model.joints import without_noise
 
 BACKENDS = ("pinocchio.casadi", "built-in")
@@ -35,95 +36,131 @@ NOT_INSTALLED = (
 )
 
 
-@dataclass(frozen=True)
-class _PinocchioCasadi:
-    """Pinocchio's algorithms instantiated on casadi.SX, for joints of one coordinate each."""
+class _Algorithms(Protocol):
+    """Pinocchio's algorithms as expressions, without armature."""
 
-    cpin: Any  # the module pinocchio.casadi
+    def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX: ...
+    def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX: ...
+    def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX: ...
+    def inverse_dynamics(self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX: ...
+    def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]: ...
+
+
+@dataclass(frozen=True)
+class _Module:
+    """The algorithms of the module `pinocchio.casadi`, such as that of conda-forge."""
+
+    cpin: Any
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        built_in = rigid_body.mass_matrix(model, q)
-        if not _numbered_depth_first(model):
-            return built_in
-        matrix = self.cpin.crba(*self._with_data(model), q)
-        return _unless_larger(ca.triu2symm(ca.triu(matrix)), built_in)  # the upper triangle is set
+        return ca.triu2symm(ca.triu(self.cpin.crba(*self._with_data(model), q)))
 
     def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-        energy = ca.SX(self.cpin.computeKineticEnergy(*self._with_data(_bare(model)), q, v))
-        energy += ca.dot(ca.DM(model.armature), v**2) / 2
-        return _unless_larger(energy, rigid_body.kinetic_energy(model, q, v))
+        return ca.SX(self.cpin.computeKineticEnergy(*self._with_data(model), q, v))
 
-    def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-        force = ca.SX(self.cpin.nonLinearEffects(*self._with_data(_bare(model)), q, v))
-        return _unless_larger(force, rigid_body.coriolis_force(model, q, v))
+    def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        return ca.SX(self.cpin.computePotentialEnergy(*self._with_data(model), q))
 
-    def inverse_dynamics(
-        self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
-    ) -> ca.SX:
-        bare = _bare(model)
-        force = ca.SX(self.cpin.rnea(*self._with_data(bare), q, v, a))
-        force += ca.DM(model.armature) * a
-        # The weight is the derivative of the potential energy, for gravity in any direction.
-        for axis, unit in enumerate(np.eye(3)):
-            bare.gravity = pin.Motion(unit, np.zeros(3))
-            height = self.potential_energy(bare, q)
-            force += gravity[axis] * ca.jacobian(height, q).T
-        return _unless_larger(force, rigid_body.inverse_dynamics(model, q, v, a, gravity))
-
-    def _with_data(self, model: pin.Model) -> tuple[Any, Any]:
-        clean = model.copy()
-        for index in range(model.njoints):
-            clean.jointPlacements[index] = without_noise(model.jointPlacements[index])
-        for index in range(model.nframes):
-            clean.frames[index].placement = without_noise(model.frames[index].placement)
-        symbolic = self.cpin.Model(clean)
-        return symbolic, symbolic.createData()
+    def inverse_dynamics(self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+        return ca.SX(self.cpin.rnea(*self._with_data(model), q, v, a))
 
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         symbolic, data = self._with_data(model)
         self.cpin.framesForwardKinematics(symbolic, data, q)
         pose = data.oMf[frame]
-        return ca.densify(ca.SX(pose.rotation)), ca.densify(ca.SX(pose.translation))
+        return ca.SX(pose.rotation), ca.SX(pose.translation)
+
+    def _with_data(self, model: pin.Model) -> tuple[Any, Any]:
+        symbolic = self.cpin.Model(model)
+        return symbolic, symbolic.createData()
+
+
+@dataclass(frozen=True)
+class _PinocchioCasadi:
+    """The back end on Pinocchio's algorithms: with armature, and gravity in any direction."""
+
+    algorithms: _Algorithms
+
+    def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        if _numbered_depth_first(model):
+            of_bodies = self.algorithms.mass_matrix(_bare(model), q)
+        else:
+            a = ca.SX.sym("a", model.nv)
+            forces = self.algorithms.inverse_dynamics(_bare(model), q, ca.SX.zeros(model.nv), a)
+            of_bodies = ca.jacobian(forces, a)
+        return _shared(of_bodies + ca.diag(ca.SX(model.armature)))
+
+    def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        of_bodies = self.algorithms.kinetic_energy(_bare(model), q, v)
+        return _shared(of_bodies + ca.dot(ca.SX(model.armature), v**2) / 2)
+
+    def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        a = ca.SX.zeros(model.nv)
+        return _shared(self.algorithms.inverse_dynamics(_bare(model), q, v, a))
+
+    def inverse_dynamics(
+        self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+    ) -> ca.SX:
+        bare = _bare(model)
+        force = self.algorithms.inverse_dynamics(bare, q, v, a) + ca.SX(model.armature) * a
+        # The weight is the derivative of the potential energy, for gravity in any direction.
+        for axis, unit in enumerate(np.eye(3)):
+            bare.gravity = pin.Motion(unit, np.zeros(3))
+            force += gravity[axis] * ca.gradient(self.algorithms.potential_energy(bare, q), q)
+        return _shared(force)
+
+    def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
+        rotation, translation = self.algorithms.frame_pose(_clean(model), q, frame)
+        return ca.densify(rotation), ca.densify(translation)
 
     def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        return ca.SX(self.cpin.computePotentialEnergy(*self._with_data(model), q))
+        return ca.densify(self.algorithms.potential_energy(_clean(model), q))
+
+
+def _clean(model: pin.Model) -> pin.Model:
+    """Return a copy without rounding errors in rotations, which would make expressions larger."""
+    copy = model.copy()
+    for index in range(model.njoints):
+        copy.jointPlacements[index] = without_noise(model.jointPlacements[index])
+    for index in range(model.nframes):
+        copy.frames[index].placement = without_noise(model.frames[index].placement)
+    return copy
 
 
 def _bare(model: pin.Model) -> pin.Model:
-    """Return a copy without gravity, and without armature, which Pinocchio omits for any axis."""
-    copy = model.copy()
+    """Return a clean copy without gravity and armature; Pinocchio's energies have no armature."""
+    copy = _clean(model)
     copy.gravity, copy.armature = pin.Motion.Zero(), np.zeros(model.nv)
     return copy
 
 
-def _unless_larger(expression: ca.SX, built_in: ca.SX) -> ca.SX:
-    """Return Pinocchio's expression, or the built-in one if that saves more than a tenth of it."""
-    own = ca.SX(ca.cse(ca.densify(expression)))
-    return own if ca.n_nodes(own) <= 1.1 * ca.n_nodes(built_in) else built_in
+def _shared(expression: ca.SX) -> ca.SX:
+    """Return a dense expression in which equal terms are computed once."""
+    return ca.cse(ca.densify(expression))
 
 
 def _numbered_depth_first(model: pin.Model) -> bool:
     """Return whether the joints of every subtree are numbered consecutively, as crba requires.
 
     Models from files are. In models built by hand, joints can be appended to an earlier branch;
-    crba then omits entries of the matrix. The recursions over single bodies, computeKineticEnergy
-    and nonLinearEffects, are not affected.
+    crba then omits entries of the matrix. The recursions over single bodies,
+    computeKineticEnergy and rnea, are not affected.
     """
     return all(tree[-1] - tree[0] == len(tree) - 1 for tree in list(map(list, model.subtrees))[1:])
 
 
 @lru_cache(maxsize=1)
-def _pinocchio_casadi() -> ModuleType | str:
-    """Return the module, or the reason why it cannot be imported."""
+def _pinocchio_casadi() -> _Module | Library | str:
+    """Return the module or the library that was built, or the reason why there is neither."""
     with warnings.catch_warnings():
         # Both modules of Pinocchio register the same converter, about which Boost.Python warns.
         warnings.filterwarnings("ignore", "to-Python converter", RuntimeWarning)
         try:
-            return importlib.import_module("pinocchio.casadi")
+            return _Module(importlib.import_module("pinocchio.casadi"))
         except ImportError as error:
             failure = error
     if isinstance(failure, ModuleNotFoundError) and failure.name == "pinocchio.casadi":
-        return NOT_INSTALLED
+        return find_library() or NOT_INSTALLED
     return f"it is installed, but its import fails: {failure}"
 
 
@@ -133,6 +170,16 @@ def why_unavailable(name: str) -> str:
         return ""
     found = _pinocchio_casadi()
     return found if isinstance(found, str) else ""
+
+
+def backend_version(name: str) -> str:
+    """Return version and origin of a back end that can be used here."""
+    if name == "built-in":
+        return f"geodesic_ocp {version('geodesic_ocp')}"
+    found = _pinocchio_casadi()
+    if isinstance(found, Library):
+        return f"Pinocchio {pin.__version__}, {found.file}"
+    return f"Pinocchio {pin.__version__}, {importlib.import_module('pinocchio.casadi').__file__}"
 
 
 def choose_backend(name: str | None = None) -> str:
@@ -215,6 +262,13 @@ class _Content:
     pin: pin.Model = field(compare=False, repr=False)
 
 
+def _found() -> _Algorithms:
+    found = _pinocchio_casadi()
+    if isinstance(found, str):
+        raise ValueError(f"backend 'pinocchio.casadi' cannot be used: {found}")
+    return found
+
+
 @lru_cache(maxsize=256)
 def _function(
     model: _Content,
@@ -225,7 +279,7 @@ def _function(
 ) -> ca.Function:
     """Build an algorithm; equal models share it, as building takes hundredths of a second."""
     symbols = [ca.SX.sym(each, size) for each, size in sizes]
-    algorithms = rigid_body if backend == "built-in" else _PinocchioCasadi(_pinocchio_casadi())
+    algorithms = rigid_body if backend == "built-in" else _PinocchioCasadi(_found())
     algorithm = getattr(algorithms, "frame_pose" if name == "jacobian" else name)
     outputs = algorithm(model.pin, *symbols, *options)
     if name == "jacobian":
