@@ -58,8 +58,8 @@ browser:  ## a Chromium from the system's packages, in which the viewer's pages 
 	  echo "environment (playwright install chromium), or name one in GEODESIC_OCP_CHROMIUM"; exit 1; \
 	fi
 
-pinocchio-casadi: $(READY)  ## build Pinocchio's CasADi bindings: half an hour, once; ARGS=--remove
-	@$(BIN)/python tools/pinocchio_casadi.py $(ARGS)
+pinocchio-casadi: $(READY)  ## build Pinocchio's CasADi interface: half a minute, once; ARGS=--remove
+	@$(BIN)/python -m geodesic_ocp.model.casadi_interface.build $(ARGS)
 
 clean:  ## remove the environment and caches
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis dist docs/_build

@@ -69,7 +69,7 @@ def pytest_report_header() -> str:
 def backend(request: pytest.FixtureRequest) -> str:
     """Each of the back ends in turn; all other tests use the default one."""
     if missing := why_unavailable(request.param):
-        pytest.skip(f"{request.param} cannot be imported here: {missing}")
+        pytest.skip(f"{request.param} cannot be used here: {missing}")
     return request.param
 
 

@@ -519,10 +519,10 @@ def run_check(file: str | PathLike[str] | None = None, backend: str | None = Non
 
     Args:
         file: a table of the user's own, checked in addition to the one of the package.
-        backend: the only one to check; None: all that can be imported here.
+        backend: the only one to check; None: all that can be used here.
 
     Raises:
-        ValueError: the file is malformed, or the back end is unknown or cannot be imported here.
+        ValueError: the file is malformed, or the back end is unknown or cannot be used here.
     """
     known: list[KnownGeodesic | KnownCubic] = []
     for one in [None] if file is None else [None, file]:
@@ -539,7 +539,7 @@ def run_check(file: str | PathLike[str] | None = None, backend: str | None = Non
             print(f"{check.name}, {check.quantity}, {check.backend}: {check.message}")
     for name in BACKENDS:
         if backend is None and name not in backends:
-            print(f"Not checked, as {name} cannot be imported here: {why_unavailable(name)}")
+            print(f"Not checked, as {name} cannot be used here: {why_unavailable(name)}")
     print(_summary(known, checks, backends))
     return not failed
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache as cached
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -13,13 +14,15 @@ import pytest
 from known_models import configuration, free_rotor, planar_arm, random_tree
 
 import geodesic_ocp as go
+from geodesic_ocp.compiled import cache
 from geodesic_ocp.model import dynamics
+from geodesic_ocp.model.casadi_interface.library import prefix
 
 # Rounding of a few hundred operations in different orders.
 RELATIVE = 1e-12
 
 
-@cache
+@cached
 def systems() -> dict[str, tuple[pin.Model, str]]:
     rng = np.random.default_rng(7)
     arms = {side: (go.human_arm(side).pin, "hand") for side in ("right", "left")}
@@ -168,7 +171,7 @@ def test_armature_adds_to_the_diagonal(backend: str, rng: np.random.Generator) -
 def test_backends_agree(name: str, rng: np.random.Generator) -> None:
     """In values, and in the second derivatives for the optimizer."""
     if missing := dynamics.why_unavailable("pinocchio.casadi"):
-        pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
+        pytest.skip(f"pinocchio.casadi cannot be used here: {missing}")
     native, hand = system(name)
     pair = [go.Model(native, hand, backend) for backend in dynamics.BACKENDS]
     hessians = [lagrangian_hessian(model) for model in pair]
@@ -200,18 +203,6 @@ def test_rounding_noise_of_a_file_does_not_grow_the_graph(backend: str) -> None:
     assert counts[0] == counts[1]
 
 
-@pytest.mark.parametrize("name", systems())
-def test_pinocchio_is_hardly_slower(name: str) -> None:
-    """Its expressions have about a tenth more operations than the built-in ones at most."""
-    if missing := dynamics.why_unavailable("pinocchio.casadi"):
-        pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
-    native, hand = system(name)
-    pair = [go.KineticEnergy(go.Model(native, hand, backend)) for backend in dynamics.BACKENDS]
-    for function in ("geodesic_equation", "energy_density"):
-        own, built_in = (getattr(metric, function).n_nodes() for metric in pair)
-        assert own <= 1.1 * built_in + 10, function
-
-
 def lagrangian_hessian(model: go.Model) -> ca.Function:
     """Second derivatives of v' G(q) v / 2 with respect to q and v."""
     q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
@@ -228,19 +219,13 @@ def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.Monk
     assert go.human_arm(backend="built-in").backend == "built-in"
 
 
-@pytest.mark.filterwarnings("ignore:pinocchio.casadi is skipped:RuntimeWarning")
-def test_default_is_pinocchio_where_it_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = "built-in" if dynamics.why_unavailable("pinocchio.casadi") else "pinocchio.casadi"
-    monkeypatch.delenv(dynamics.ENVIRONMENT_VARIABLE, raising=False)
-    assert go.human_arm().backend == expected
-    monkeypatch.setenv(dynamics.ENVIRONMENT_VARIABLE, "")
-    assert go.human_arm().backend == expected
-
-
 @pytest.fixture
-def import_of_pinocchio_casadi(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
-    """Lets a test replace the import, and resets it afterwards."""
+def no_interface(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[pytest.MonkeyPatch]:
+    """An environment in which Pinocchio's CasADi interface is neither installed nor built."""
     monkeypatch.delenv(dynamics.ENVIRONMENT_VARIABLE, raising=False)
+    monkeypatch.setenv(cache.ENVIRONMENT_VARIABLE, str(tmp_path))
+    missing = ModuleNotFoundError("No module", name="pinocchio.casadi")
+    monkeypatch.setattr(importlib, "import_module", fails(missing))
     dynamics._pinocchio_casadi.cache_clear()
     yield monkeypatch
     dynamics._pinocchio_casadi.cache_clear()
@@ -254,24 +239,62 @@ def fails(error: ImportError) -> Callable[[str], None]:
     return import_module
 
 
-def test_missing_backend_is_named(import_of_pinocchio_casadi: pytest.MonkeyPatch) -> None:
-    missing = ModuleNotFoundError("No module", name="pinocchio.casadi")
-    import_of_pinocchio_casadi.setattr(importlib, "import_module", fails(missing))
+def test_the_default_does_not_depend_on_what_is_installed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv(dynamics.ENVIRONMENT_VARIABLE, raising=False)
     assert go.human_arm().backend == "built-in"
+    monkeypatch.setenv(dynamics.ENVIRONMENT_VARIABLE, "")
+    assert go.human_arm().backend == "built-in"
+
+
+def test_missing_backend_is_named(no_interface: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match=r"'pinocchio\.casadi' cannot be.*make pinocchio-casadi"):
         go.human_arm(backend="pinocchio.casadi")
+    no_interface.setenv(dynamics.ENVIRONMENT_VARIABLE, "pinocchio.casadi")
+    with pytest.raises(ValueError, match=r"'pinocchio\.casadi' cannot be.*make pinocchio-casadi"):
+        go.human_arm()
 
 
-def test_a_broken_back_end_causes_a_warning(
-    import_of_pinocchio_casadi: pytest.MonkeyPatch,
+def test_an_interface_for_other_versions_is_named(
+    no_interface: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    broken = ImportError("undefined symbol: _ZN6casadi")
-    import_of_pinocchio_casadi.setattr(importlib, "import_module", fails(broken))
-    assert go.human_arm(backend="built-in").backend == "built-in"  # does not even try
-    with pytest.warns(RuntimeWarning, match="casadi is skipped: it is installed.*undefined sym"):
-        assert go.human_arm().backend == "built-in"
-    with pytest.raises(ValueError, match="undefined symbol"):
+    (tmp_path / "pinocchio_casadi").mkdir()
+    (tmp_path / "pinocchio_casadi" / "pin-3.0.0_casadi-3.6.5_elsewhere_0_0.so").touch()
+    with pytest.raises(ValueError, match=r"for other versions \(pin-3\.0\.0_.*not for pin-4"):
         go.human_arm(backend="pinocchio.casadi")
+
+
+def test_a_damaged_interface_is_named(no_interface: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "pinocchio_casadi").mkdir(mode=0o700)
+    (tmp_path / "pinocchio_casadi" / f"{prefix()}0.so").write_bytes(b"no library")
+    with pytest.raises(ValueError, match="0.so cannot be loaded"):
+        go.human_arm(backend="pinocchio.casadi")
+
+
+def test_a_module_that_cannot_be_imported_is_named(no_interface: pytest.MonkeyPatch) -> None:
+    broken = ImportError("undefined symbol: _ZN6casadi")
+    no_interface.setattr(importlib, "import_module", fails(broken))
+    assert go.human_arm().backend == "built-in"  # does not even try
+    with pytest.raises(ValueError, match=r"is installed, but cannot be imported: undefined symbol"):
+        go.human_arm(backend="pinocchio.casadi")
+
+
+def test_a_composite_of_one_joint_is_that_joint(backend: str, rng: np.random.Generator) -> None:
+    """Also where it has a placement of its own."""
+    native, parent = pin.Model(), 0
+    for index, kind in enumerate((pin.JointModelRZ(), pin.JointModelHX(0.2), pin.JointModelPY())):
+        placement = pin.SE3(pin.rpy.rpyToMatrix(rng.uniform(-1.0, 1.0, 3)), rng.normal(size=3))
+        joint = pin.JointModelComposite(kind, placement)
+        parent = native.addJoint(parent, joint, placement, f"joint{index}")
+        body = pin.Inertia(1.5, rng.normal(size=3), np.diag([1.0, 2.0, 2.5]))
+        native.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    native.addFrame(pin.Frame("tool", parent, placement, pin.FrameType.OP_FRAME))
+    model, data, q = go.Model(native, "tool", backend), native.createData(), rng.normal(size=3)
+    upper = np.triu(pin.crba(native, data, q))
+    assert close(model.mass_matrix(q), upper + np.triu(upper, 1).T)
+    pin.framesForwardKinematics(native, data, q)
+    assert close(model.hand_pose(q)[1], data.oMf[native.getFrameId("tool")].translation)
 
 
 @pytest.mark.parametrize(

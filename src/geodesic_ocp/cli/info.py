@@ -112,7 +112,8 @@ def _backends() -> Iterator[str]:
         if missing := dynamics.why_unavailable(name):
             yield f"{name}: not available: {missing}"
         else:
-            yield f"{name}: {'used' if name == chosen else 'available'}"
+            state = "used" if name == chosen else "available"
+            yield f"{name}: {state}, {dynamics.backend_version(name)}"
 
 
 def _compilers() -> Iterator[str]:

@@ -1,9 +1,9 @@
 """Symbolic dynamics of a model, by one of two back ends.
 
-`pinocchio.casadi` (Pinocchio's own algorithms on CasADi scalars) is used if it can be imported,
-otherwise the package's built-in algorithms on the same pin.Model. Both compute the same functions;
-where Pinocchio's expressions are more than a tenth larger, the former takes the built-in ones, too.
-An argument or the environment variable GEODESIC_OCP_BACKEND overrides the choice.
+The package's built-in algorithms on a pin.Model are the default: their expressions are smaller, and
+results do not depend on what else is installed. `pinocchio.casadi` (Pinocchio's own algorithms on
+CasADi symbols) computes the same functions. An argument or the environment variable
+GEODESIC_OCP_BACKEND chooses it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from geodesic_ocp.model import rigid_body
 from geodesic_ocp.model.casadi_interface.library import Library, find_library
 from geodesic_ocp.model.joints import without_noise
 
-BACKENDS = ("pinocchio.casadi", "built-in")
+BACKENDS = ("built-in", "pinocchio.casadi")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
 _VECTORISED = ("frame_pose", "inverse_dynamics", "mass_matrix")
 NOT_INSTALLED = (
@@ -161,7 +161,7 @@ def _pinocchio_casadi() -> _Module | Library | str:
             failure = error
     if isinstance(failure, ModuleNotFoundError) and failure.name == "pinocchio.casadi":
         return find_library() or NOT_INSTALLED
-    return f"it is installed, but its import fails: {failure}"
+    return f"its module is installed, but cannot be imported: {failure}"
 
 
 def why_unavailable(name: str) -> str:
@@ -175,32 +175,22 @@ def why_unavailable(name: str) -> str:
 def backend_version(name: str) -> str:
     """Return version and origin of a back end that can be used here."""
     if name == "built-in":
-        return f"geodesic_ocp {version('geodesic_ocp')}"
+        return f"of geodesic_ocp {version('geodesic_ocp')}"
     found = _pinocchio_casadi()
-    if isinstance(found, Library):
-        return f"Pinocchio {pin.__version__}, {found.file}"
-    return f"Pinocchio {pin.__version__}, {importlib.import_module('pinocchio.casadi').__file__}"
+    origin = found.file if isinstance(found, Library) else importlib.import_module(name).__file__
+    return f"of Pinocchio {pin.__version__}, {origin}"
 
 
 def choose_backend(name: str | None = None) -> str:
-    """Return name of the back end: the argument, the environment variable, or the first available
-    one.
-
-    A pinocchio.casadi that is installed but cannot be imported is skipped with a RuntimeWarning.
+    """Return name of the back end: the argument, the environment variable, or "built-in".
 
     Raises:
-        ValueError: the name is unknown, or the back end cannot be imported.
+        ValueError: the name is unknown, or the back end cannot be used here.
     """
-    name = name or os.environ.get(ENVIRONMENT_VARIABLE)
-    if not name:
-        missing = why_unavailable(BACKENDS[0])
-        name = BACKENDS[1] if missing else BACKENDS[0]
-        if missing not in ("", NOT_INSTALLED):
-            # stacklevel: the caller of Model
-            warnings.warn(f"{BACKENDS[0]} is skipped: {missing}", RuntimeWarning, stacklevel=4)
+    name = name or os.environ.get(ENVIRONMENT_VARIABLE) or BACKENDS[0]
     as_choice("backend", name, BACKENDS)
-    if why_unavailable(name):
-        raise ValueError(f"backend {name!r} cannot be imported: {why_unavailable(name)}")
+    if missing := why_unavailable(name):
+        raise ValueError(f"backend {name!r} cannot be used: {missing}")
     return name
 
 
@@ -264,7 +254,7 @@ class _Content:
 
 def _found() -> _Algorithms:
     found = _pinocchio_casadi()
-    if isinstance(found, str):
+    if isinstance(found, str):  # of a model from a process that had it
         raise ValueError(f"backend 'pinocchio.casadi' cannot be used: {found}")
     return found
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, real_array
 
 _ROUNDING = 1e-15
+_COMPOSITE = "JointModelComposite"
 # A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
 DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
 # Arrays (nv,), independent of how the coordinates of a joint are stored.
@@ -143,12 +144,12 @@ def continuous_joints(model: pin.Model) -> tuple[str, ...]:
 
 def with_angles(model: pin.Model) -> pin.Model:
     """Return a copy in which the coordinate of every continuous joint is its angle, within +-2 pi
-    rad.
+    rad, and a composite of one joint is that joint.
 
     Joints and frames keep their indices; Pinocchio's configuration vector is then q itself.
     """
     continuous = continuous_joints(model)
-    if not continuous:
+    if not continuous and all(joint.shortname() != _COMPOSITE for joint in model.joints):
         return model.copy()
     result = pin.Model()
     result.name, result.gravity = model.name, model.gravity
@@ -157,10 +158,13 @@ def with_angles(model: pin.Model) -> pin.Model:
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
         low, high = lower[joint.idx_q], upper[joint.idx_q]
+        placement = model.jointPlacements[index]
+        if joint.shortname() == _COMPOSITE:
+            parts = joint.extract()
+            joint, placement = parts.joints[0], placement * parts.jointPlacements[0]
         if name in continuous:
             low, high = -DEFAULT_LIMIT, DEFAULT_LIMIT
             joint = joint_along(motion_subspace(model, index)[3:])
-        placement = model.jointPlacements[index]
         row = result.joints[result.addJoint(model.parents[index], joint, placement, name)].idx_q
         result.lowerPositionLimit[row], result.upperPositionLimit[row] = low, high
         result.inertias[index] = model.inertias[index]

@@ -37,7 +37,7 @@ class Model:
     Attributes:
         pin: the Pinocchio model, of which a private copy is kept.
         hand: name of the hand frame in `pin`.
-        backend: "pinocchio.casadi" or "built-in"; None takes the first that is available.
+        backend: "built-in" or "pinocchio.casadi"; None: $GEODESIC_OCP_BACKEND, or "built-in".
         continuous: names of the joints that are periodic: configurations one revolution apart are
             the same. Continuous joints of `pin` are added, with limits of +-2 pi rad.
         shapes: capsules and spheres fixed to its frames, or a function that reads them when needed.

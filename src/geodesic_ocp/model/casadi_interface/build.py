@@ -109,9 +109,12 @@ def compile_in(work: Path, compiler: list[str]) -> Path:
     if sys.platform == "linux":
         command.append("-Wl,--no-undefined")
     print(f"compiling with {_version(compiler)}: about half a minute", flush=True)
-    with log.open("w") as output, subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=output, stderr=output
-    ) as running:
+    with (
+        log.open("w") as output,
+        subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+        ) as running,
+    ):
         _wait(running)
     if running.returncode:
         raise CannotBuild(_explained(log.read_text(errors="replace"), command))

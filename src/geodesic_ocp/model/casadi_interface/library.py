@@ -55,18 +55,15 @@ class Library:
         return rotation, position
 
     def _function(self, quantity: str, model: pin.Model, frame: int = 0) -> ca.Function:
-        origins = [pin.SE3.Identity()]
-        origins += [_axis_origin(model, index) for index in range(1, model.njoints)]
-        rows = [_joint_row(model, index, origins) for index in range(1, model.njoints)]
+        rows = [_joint_row(model, index) for index in range(1, model.njoints)]
         joints = np.array(rows, dtype=float)
-        carrier = model.frames[frame].parentJoint
-        place = _placement(origins[carrier].actInv(model.frames[frame].placement))
+        carrier, place = model.frames[frame].parentJoint, model.frames[frame].placement
         text = _call(
             _loaded(self.file),
             quantity.encode(),
             len(rows),
             joints,
-            np.array([carrier, *place], dtype=float),
+            np.array([carrier, *_placement(place)], dtype=float),
             np.array(model.gravity.linear, dtype=float),
         )
         if text.startswith(_ERROR):
@@ -74,27 +71,15 @@ class Library:
         return ca.Function.deserialize(text.decode())
 
 
-def _axis_origin(model: pin.Model, index: int) -> pin.SE3:
-    """Return the point of the joint's axis that is nearest to the joint's origin, as a translation.
-
-    It is the origin itself but for joints inside a composite joint.
-    """
-    linear, angular = np.split(motion_subspace(model, index), 2)
-    turns = angular @ angular
-    offset = np.cross(angular, linear) / turns if turns else np.zeros(3)
-    return pin.SE3(np.eye(3), offset)
-
-
-def _joint_row(model: pin.Model, index: int, origins: list[pin.SE3]) -> list[float]:
+def _joint_row(model: pin.Model, index: int) -> list[float]:
     """Return the numbers of a joint, in the order of `JointRow` in the source."""
     linear, angular = np.split(motion_subspace(model, index), 2)
-    parent = model.parents[index]
-    place = origins[parent].actInv(model.jointPlacements[index] * origins[index])
-    body = origins[index].actInv(model.inertias[index])
     turns = bool(np.any(angular))
-    axis = angular if turns else linear
+    axis, pitch = (angular if turns else linear), linear @ angular
+    body = model.inertias[index]
+    place = _placement(model.jointPlacements[index])
     inertia = (body.mass, *body.lever, *body.inertia.ravel())
-    return [parent, turns, *axis, linear @ angular, *_placement(place), *inertia]
+    return [model.parents[index], turns, *axis, pitch, *place, *inertia]
 
 
 def _placement(placement: pin.SE3) -> Array:

@@ -4,6 +4,8 @@
 // as numbers, and only the types of joints that the package uses are instantiated: both keep the
 // time of compilation below a minute.
 
+// A failed assertion would end Python without a message.
+#define NDEBUG
 // Pinocchio's visitors have more arguments than Boost's functions take by default, and ask for types
 // of joints that are not among ours.
 #define BOOST_FUSION_INVOKE_MAX_ARITY 12

@@ -275,7 +275,7 @@ def catalogue() -> Iterator[str]:
     yield "back ends of the symbolic mass matrix"
     for name in BACKENDS:
         missing = why_unavailable(name)
-        state = f"cannot be imported: {missing}" if missing else "available"
+        state = f"cannot be used: {missing}" if missing else "available"
         yield f"  {name}: {'in use' if name == in_use else state}"
     yield f"the environment variable {ENVIRONMENT_VARIABLE} selects another one"
     yield "geodesic-ocp models NAME shows the joints, mass and reach of one"
