@@ -139,11 +139,9 @@ def compare(count: int, num_logs: int) -> bool:
     print(f"largest relative differences at {count} configurations, {num_logs} logarithmic maps")
     print(f"{'':24}{'G':>10}{'Christoffel':>13}{'log':>10}")
     worst = 0.0
-    t0 = time.perf_counter()
     for name, build in models().items():
         found = differences([build(backend) for backend in BACKENDS], count, num_logs)
         worst = max(worst, *found)
-        print(f"{time.perf_counter() - t0:.0f} s", end=" ")
         print(f"{name:24}{found[0]:10.1e}{found[1]:13.1e}{found[2]:10.1e}", flush=True)
     print(f"largest: {worst:.1e}, allowed: {LARGEST:.0e}")
     return worst <= LARGEST

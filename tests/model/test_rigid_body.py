@@ -268,7 +268,7 @@ def test_an_interface_for_other_versions_is_named(
 def test_a_damaged_interface_is_named(no_interface: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "pinocchio_casadi").mkdir(mode=0o700)
     (tmp_path / "pinocchio_casadi" / f"{prefix()}0.so").write_bytes(b"no library")
-    with pytest.raises(ValueError, match="0.so cannot be loaded"):
+    with pytest.raises(ValueError, match=r"0\.so cannot be loaded"):
         go.human_arm(backend="pinocchio.casadi")
 
 

@@ -53,7 +53,8 @@ class _Module:
     cpin: Any
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        return ca.triu2symm(ca.triu(self.cpin.crba(*self._with_data(model), q)))
+        matrix = ca.SX(self.cpin.crba(*self._with_data(model), q))
+        return ca.SX(ca.triu2symm(ca.triu(matrix)))  # the upper triangle is set
 
     def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
         return ca.SX(self.cpin.computeKineticEnergy(*self._with_data(model), q, v))

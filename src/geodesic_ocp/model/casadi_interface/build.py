@@ -148,9 +148,9 @@ def check(file: Path) -> None:
         raise CannotBuild(f"the library does not work: {error}") from error
     at = np.linspace(-1.0, 1.0, model.nq)
     expected = np.triu(pin.crba(model, model.createData(), at))
-    error = np.abs(np.triu(matrix(at).full()) - expected).max()
-    if not error <= _TOLERANCE * np.abs(expected).max():
-        raise CannotBuild(f"{file} is wrong: its mass matrix differs from Pinocchio's by {error:g}")
+    off = np.abs(np.triu(matrix(at).full()) - expected).max()
+    if not off <= _TOLERANCE * np.abs(expected).max():
+        raise CannotBuild(f"{file} is wrong: its mass matrix differs from Pinocchio's by {off:g}")
 
 
 def _compiler() -> list[str]:
@@ -189,8 +189,9 @@ def _wheel_headers() -> tuple[Path, Path]:
     for package, path, header in zip(("pin", "casadi"), folders, needed, strict=True):
         if not (path / header).is_file():
             raise CannotBuild(
-                f"{package} has no header {header}: install its wheel (pip install --force-reinstall"
-                f" {package}), or take pinocchio from conda-forge, which has pinocchio.casadi"
+                f"{package} has no header {header}: install its wheel (pip install"
+                f" --force-reinstall {package}), or pinocchio of conda-forge, which has"
+                " pinocchio.casadi"
             )
     return folders
 

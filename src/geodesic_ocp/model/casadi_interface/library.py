@@ -113,7 +113,7 @@ def prefix() -> str:
     """Return what the names of libraries for these versions and this platform begin with."""
     source = sha256(SOURCE.read_bytes()).hexdigest()[:8]
     platform = sysconfig.get_platform()
-    return f"pin-{pin.__version__}_casadi-{ca.__version__}_{platform}_{source}_"
+    return f"pin-{pin.__version__}_casadi-{ca.CasadiMeta.version()}_{platform}_{source}_"
 
 
 def find_library() -> Library | str:
