@@ -24,15 +24,15 @@ import pinocchio as pin
 from geodesic_ocp.arrays import Array, as_choice, as_vector, evaluate, is_symbolic
 from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.model import rigid_body
-from geodesic_ocp.model.casadi_interface.library import Library, find_library
+from geodesic_ocp.model.casadi_interface.library import COMMAND, PinocchioLibrary, find_library
 from geodesic_ocp.model.joints import without_noise
 
 BACKENDS = ("built-in", "pinocchio.casadi")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
 _VECTORISED = ("frame_pose", "inverse_dynamics", "mass_matrix")
 NOT_INSTALLED = (
-    "the pin wheels on PyPI do not include it; `make pinocchio-casadi` builds it for them, and the"
-    " pinocchio of conda-forge includes it"
+    f"the pin wheels on PyPI do not include it; `{COMMAND}` (in a clone `make pinocchio-casadi`)"
+    " builds it for them, and the pinocchio of conda-forge includes it"
 )
 
 
@@ -151,7 +151,7 @@ def _numbered_depth_first(model: pin.Model) -> bool:
 
 
 @lru_cache(maxsize=1)
-def _pinocchio_casadi() -> _Module | Library | str:
+def _pinocchio_casadi() -> _Module | PinocchioLibrary | str:
     """Return the module or the library that was built, or the reason why there is neither."""
     with warnings.catch_warnings():
         # Both modules of Pinocchio register the same converter, about which Boost.Python warns.
@@ -178,7 +178,11 @@ def backend_version(name: str) -> str:
     if name == "built-in":
         return f"of geodesic_ocp {version('geodesic_ocp')}"
     found = _pinocchio_casadi()
-    origin = found.file if isinstance(found, Library) else importlib.import_module(name).__file__
+    origin = (
+        found.file
+        if isinstance(found, PinocchioLibrary)
+        else importlib.import_module(name).__file__
+    )
     return f"of Pinocchio {pin.__version__}, {origin}"
 
 

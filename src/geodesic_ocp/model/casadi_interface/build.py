@@ -27,7 +27,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.compiled import cache
-from geodesic_ocp.model.casadi_interface.library import SOURCE, Library, folder, prefix
+from geodesic_ocp.model.casadi_interface.library import SOURCE, PinocchioLibrary, folder, prefix
 from geodesic_ocp.progress import ProgressBar
 
 EIGEN = "cmeel-eigen>=3.4,<3.5"
@@ -143,7 +143,7 @@ def check(file: Path) -> None:
     model = pin.buildSampleModelManipulator()
     q = ca.SX.sym("q", model.nq)
     try:
-        matrix = ca.Function("G", [q], [Library(file).mass_matrix(model, q)])
+        matrix = ca.Function("G", [q], [PinocchioLibrary(file).mass_matrix(model, q)])
     except (OSError, RuntimeError) as error:
         raise CannotBuild(f"the library does not work: {error}") from error
     at = np.linspace(-1.0, 1.0, model.nq)

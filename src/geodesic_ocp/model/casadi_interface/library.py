@@ -19,12 +19,12 @@ from geodesic_ocp.compiled import cache
 from geodesic_ocp.model.joints import motion_subspace
 
 SOURCE = Path(__file__).with_name("pinocchio_casadi.cpp")
-COMMAND = "make pinocchio-casadi"  # builds the interface in a clone
+COMMAND = "python -m geodesic_ocp.model.casadi_interface.build"
 _ERROR = b"error: "
 
 
 @dataclass(frozen=True)
-class Library:
+class PinocchioLibrary:
     """Pinocchio's algorithms for models of joints with one coordinate each, as expressions.
 
     Attributes:
@@ -116,7 +116,7 @@ def prefix() -> str:
     return f"pin-{pin.__version__}_casadi-{ca.CasadiMeta.version()}_{platform}_{source}_"
 
 
-def find_library() -> Library | str:
+def find_library() -> PinocchioLibrary | str:
     """Return the library for the installed versions, or why it cannot be used.
 
     The reason is empty where none has been built.
@@ -133,4 +133,4 @@ def find_library() -> Library | str:
         _loaded(files[-1].resolve())
     except OSError as error:
         return f"{files[-1]} cannot be loaded: {error}"
-    return Library(files[-1].resolve())
+    return PinocchioLibrary(files[-1].resolve())
