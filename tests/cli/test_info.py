@@ -34,7 +34,7 @@ def test_versions_settings_and_the_cache_are_shown(
     text = run(capsys)
     for name in ("geodesic_ocp", "casadi", "numpy", "scipy"):
         assert f"  {name} {version(name)}\n" in text
-    assert "  built-in: used\n" in text
+    assert "  built-in: used, of geodesic_ocp" in text
     assert "solver of geodesics without constraints:\n  ipopt\n" in text
     assert "GEODESIC_OCP_SOLVER=ipopt\n" in text
     assert "GEODESIC_OCP_COMPILER=auto\n" in text

@@ -293,7 +293,7 @@ def test_models_lists_names_without_loading_any(
     assert f"{go.model.dynamics.choose_backend()}: in use" in text
     for robot in ROBOTS:
         assert f" {robot}" in text
-    assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
+    assert all(len(line) <= 100 for line in text.splitlines() if "cannot be used" not in line)
 
 
 def test_models_describes_those_that_are_named(tmp_path: Path, printed: Output) -> None:
@@ -311,7 +311,7 @@ def test_models_names_missing_packages(printed: Output, monkeypatch: pytest.Monk
     assert "not available without armar and example-robot-data:\n  pip install armar" in text
     for robot in ROBOTS:
         assert robot in text
-    assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
+    assert all(len(line) <= 100 for line in text.splitlines() if "cannot be used" not in line)
 
 
 def altered(file: Path, **changes: object) -> Path:

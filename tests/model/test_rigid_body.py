@@ -226,9 +226,9 @@ def no_interface(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[py
     monkeypatch.setenv(cache.ENVIRONMENT_VARIABLE, str(tmp_path))
     missing = ModuleNotFoundError("No module", name="pinocchio.casadi")
     monkeypatch.setattr(importlib, "import_module", fails(missing))
-    dynamics._pinocchio_casadi.cache_clear()
+    dynamics._module.cache_clear()
     yield monkeypatch
-    dynamics._pinocchio_casadi.cache_clear()
+    dynamics._module.cache_clear()
 
 
 def fails(error: ImportError) -> Callable[[str], None]:

@@ -150,9 +150,14 @@ def _numbered_depth_first(model: pin.Model) -> bool:
     return all(tree[-1] - tree[0] == len(tree) - 1 for tree in list(map(list, model.subtrees))[1:])
 
 
-@lru_cache(maxsize=1)
 def _pinocchio_casadi() -> _Module | PinocchioLibrary | str:
     """Return the module or the library that was built, or the reason why there is neither."""
+    return _module() or find_library() or NOT_INSTALLED
+
+
+@lru_cache(maxsize=1)
+def _module() -> _Module | str:
+    """Return the module, or the reason why it cannot be imported; empty if it is not installed."""
     with warnings.catch_warnings():
         # Both modules of Pinocchio register the same converter, about which Boost.Python warns.
         warnings.filterwarnings("ignore", "to-Python converter", RuntimeWarning)
@@ -161,7 +166,7 @@ def _pinocchio_casadi() -> _Module | PinocchioLibrary | str:
         except ImportError as error:
             failure = error
     if isinstance(failure, ModuleNotFoundError) and failure.name == "pinocchio.casadi":
-        return find_library() or NOT_INSTALLED
+        return ""
     return f"its module is installed, but cannot be imported: {failure}"
 
 
@@ -178,12 +183,9 @@ def backend_version(name: str) -> str:
     if name == "built-in":
         return f"of geodesic_ocp {version('geodesic_ocp')}"
     found = _pinocchio_casadi()
-    origin = (
-        found.file
-        if isinstance(found, PinocchioLibrary)
-        else importlib.import_module(name).__file__
-    )
-    return f"of Pinocchio {pin.__version__}, {origin}"
+    if isinstance(found, PinocchioLibrary):
+        return f"of Pinocchio {pin.__version__}, {found.file}"
+    return f"of Pinocchio {pin.__version__}, {importlib.import_module(name).__file__}"
 
 
 def choose_backend(name: str | None = None) -> str:
