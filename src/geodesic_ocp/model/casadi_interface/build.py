@@ -37,7 +37,7 @@ _FLAGS = ("-std=c++17", "-O0", "-w", "-fPIC", "-shared")
 _MEANINGS = {
     "No space left on device": "the disk is full",
     "Killed signal": "the compiler was ended, probably because 1.5 GB of memory were not free",
-    "undefined reference": "the compiler's C++ library does not fit CasADi's wheel",
+    "undefined reference": "the compiler's C++ library does not fit CasADi's wheel; GCC fits 3.8's",
 }
 _TOLERANCE = 1e-12  # relative rounding of a mass matrix
 _SHOWN, _WIDTH = 8, 200  # lines of an error message, and their characters
