@@ -159,9 +159,10 @@ def with_angles(model: pin.Model) -> pin.Model:
         joint, name = model.joints[index], model.names[index]
         low, high = lower[joint.idx_q], upper[joint.idx_q]
         placement = model.jointPlacements[index]
-        if joint.shortname() == _COMPOSITE:
+        while joint.shortname() == _COMPOSITE:
             parts = joint.extract()
-            joint, placement = parts.joints[0], placement * parts.jointPlacements[0]
+            joint = parts.joints[0]
+            placement = placement * parts.jointPlacements[0]
         if name in continuous:
             low, high = -DEFAULT_LIMIT, DEFAULT_LIMIT
             joint = joint_along(motion_subspace(model, index)[3:])
