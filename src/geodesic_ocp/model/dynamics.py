@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import version
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -36,19 +36,9 @@ NOT_INSTALLED = (
 )
 
 
-class _Algorithms(Protocol):
-    """Pinocchio's algorithms as expressions, without armature."""
-
-    def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX: ...
-    def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX: ...
-    def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX: ...
-    def inverse_dynamics(self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX: ...
-    def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]: ...
-
-
 @dataclass(frozen=True)
 class _Module:
-    """The algorithms of the module `pinocchio.casadi`, such as that of conda-forge."""
+    """The module `pinocchio.casadi`, as of conda-forge, with the methods of the library."""
 
     cpin: Any
 
@@ -80,7 +70,7 @@ class _Module:
 class _PinocchioCasadi:
     """The back end on Pinocchio's algorithms: with armature, and gravity in any direction."""
 
-    algorithms: _Algorithms
+    algorithms: _Module | PinocchioLibrary
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
         if _numbered_depth_first(model):
@@ -131,7 +121,8 @@ def _clean(model: pin.Model) -> pin.Model:
 def _bare(model: pin.Model) -> pin.Model:
     """Return a clean copy without gravity and armature; Pinocchio's energies have no armature."""
     copy = _clean(model)
-    copy.gravity, copy.armature = pin.Motion.Zero(), np.zeros(model.nv)
+    copy.gravity = pin.Motion.Zero()
+    copy.armature = np.zeros(model.nv)
     return copy
 
 
@@ -182,10 +173,9 @@ def backend_version(name: str) -> str:
     """Return version and origin of a back end that can be used here."""
     if name == "built-in":
         return f"of geodesic_ocp {version('geodesic_ocp')}"
-    found = _pinocchio_casadi()
-    if isinstance(found, PinocchioLibrary):
-        return f"of Pinocchio {pin.__version__}, {found.file}"
-    return f"of Pinocchio {pin.__version__}, {importlib.import_module(name).__file__}"
+    found = _found()
+    origin = found.file if isinstance(found, PinocchioLibrary) else found.cpin.__file__
+    return f"of Pinocchio {pin.__version__}, {origin}"
 
 
 def choose_backend(name: str | None = None) -> str:
@@ -259,9 +249,9 @@ class _Content:
     pin: pin.Model = field(compare=False, repr=False)
 
 
-def _found() -> _Algorithms:
+def _found() -> _Module | PinocchioLibrary:
     found = _pinocchio_casadi()
-    if isinstance(found, str):  # of a model from a process that had it
+    if isinstance(found, str):
         raise ValueError(f"backend 'pinocchio.casadi' cannot be used: {found}")
     return found
 

@@ -17,7 +17,7 @@ def compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     program = tmp_path / "compiler"
     monkeypatch.setenv("CXX", str(program))
     monkeypatch.setenv(cache.ENVIRONMENT_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.setattr(build, "_eigen", lambda work: work)
+    monkeypatch.setattr(build, "_eigen", lambda headers, work: work)
     monkeypatch.setattr(build.importlib.util, "find_spec", lambda name: None)
     return program
 

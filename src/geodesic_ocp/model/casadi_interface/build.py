@@ -40,7 +40,7 @@ _MEANINGS = {
     "undefined reference": "the compiler's C++ library does not fit CasADi's wheel; GCC fits 3.8's",
 }
 _TOLERANCE = 1e-12  # relative rounding of a mass matrix
-_SHOWN, _WIDTH = 8, 200  # lines of an error message, and their characters
+_SHOWN = 8  # lines that are quoted of what a compiler or pip says
 
 
 class CannotBuild(Exception):
@@ -83,10 +83,12 @@ def provide() -> str:
     where = folder()
     if reason := cache.why_unused(where):
         raise CannotBuild(f"{where} is not used: {reason}")
-    file = where / f"{prefix()}{sha256(_version(compiler).encode()).hexdigest()[:8]}.so"
+    version = _version(compiler)
+    file = where / f"{prefix()}{sha256(version.encode()).hexdigest()[:8]}.so"
     if file.exists():
         check(file)
         return f"built already: {file}"
+    print(f"building with {version}: about half a minute", flush=True)
     started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="build-", dir=where) as work:
         built = compile_in(Path(work), compiler)
@@ -101,14 +103,15 @@ def compile_in(work: Path, compiler: list[str]) -> Path:
     Raises:
         CannotBuild: headers are missing and cannot be fetched, or the compiler fails.
     """
-    library, log = work / "interface.so", work / "output"
-    includes = [f"-I{path}" for path in (*_wheel_headers(), _eigen(work))]
+    library = work / "interface.so"
+    log = work / "output"
+    headers = _wheel_headers()
+    includes = [f"-I{path}" for path in (*headers, _eigen(headers[0], work))]
     wheel = Path(ca.__file__).parent
     command = [*compiler, *_FLAGS, *includes, str(SOURCE), "-o", str(library)]
     command += [f"-L{wheel}", "-lcasadi"]
     if sys.platform == "linux":
         command.append("-Wl,--no-undefined")
-    print(f"compiling with {_version(compiler)}: about half a minute", flush=True)
     with (
         log.open("w") as output,
         subprocess.Popen(
@@ -122,7 +125,8 @@ def compile_in(work: Path, compiler: list[str]) -> Path:
 
 
 def _wait(running: subprocess.Popen[bytes]) -> None:
-    bar, started = ProgressBar(), time.monotonic()
+    bar = ProgressBar()
+    started = time.monotonic()
     try:
         while running.poll() is None:
             bar("compiling, seconds", int(time.monotonic() - started), 0)
@@ -184,25 +188,28 @@ def _wheel_headers() -> tuple[Path, Path]:
     """
     # The wheel puts the package in cmeel.prefix/lib/pythonX/site-packages.
     prefixes = [path for path in Path(pin.__file__).parents if path.name == "cmeel.prefix"]
-    folders = prefixes[0] / "include" if prefixes else Path(), Path(ca.__file__).parent / "include"
-    needed = "pinocchio/autodiff/casadi.hpp", "casadi/casadi.hpp"
-    for package, path, header in zip(("pin", "casadi"), folders, needed, strict=True):
+    of_pin = prefixes[0] / "include" if prefixes else Path()
+    of_casadi = Path(ca.__file__).parent / "include"
+    for package, path, header in (
+        ("pin", of_pin, "pinocchio/autodiff/casadi.hpp"),
+        ("casadi", of_casadi, "casadi/casadi.hpp"),
+    ):
         if not (path / header).is_file():
             raise CannotBuild(
                 f"{package} has no header {header}: install its wheel (pip install"
                 f" --force-reinstall {package}), or pinocchio of conda-forge, which has"
                 " pinocchio.casadi"
             )
-    return folders
+    return of_pin, of_casadi
 
 
-def _eigen(work: Path) -> Path:
-    """Return the folder of Eigen's headers, which are fetched unless the environment has them.
+def _eigen(headers: Path, work: Path) -> Path:
+    """Return the folder of Eigen's headers, which are fetched unless they are among pin's.
 
     Raises:
         CannotBuild: they cannot be fetched.
     """
-    installed = _wheel_headers()[0] / "eigen3"
+    installed = headers / "eigen3"
     if (installed / "Eigen").is_dir():
         return installed
     print(f"fetching Eigen's headers ({EIGEN})", flush=True)
@@ -223,7 +230,7 @@ def _explained(output: str, command: list[str]) -> str:
     lines = output.strip().splitlines()
     errors = [line for line in lines if "error: " in line or "undefined" in line] or lines
     known = [meaning for sign, meaning in _MEANINGS.items() if sign in output]
-    shown = "\n  ".join(line[:_WIDTH] for line in errors[:_SHOWN])
+    shown = "\n  ".join(line for line in errors[:_SHOWN])
     why = f": {known[0]}" if known else ""
     return f"{command[0]} failed{why}. It said:\n  {shown}\nThe command was {shlex.join(command)}"
 

@@ -57,13 +57,13 @@ class PinocchioLibrary:
     def _function(self, quantity: str, model: pin.Model, frame: int = 0) -> ca.Function:
         rows = [_joint_row(model, index) for index in range(1, model.njoints)]
         joints = np.array(rows, dtype=float)
-        carrier, place = model.frames[frame].parentJoint, model.frames[frame].placement
+        at = model.frames[frame]
         text = _call(
             _loaded(self.file),
             quantity.encode(),
             len(rows),
             joints,
-            np.array([carrier, *_placement(place)], dtype=float),
+            np.array([at.parentJoint, *_placement(at.placement)], dtype=float),
             np.array(model.gravity.linear, dtype=float),
         )
         if text.startswith(_ERROR):
@@ -75,7 +75,8 @@ def _joint_row(model: pin.Model, index: int) -> list[float]:
     """Return the numbers of a joint, in the order of `JointRow` in the source."""
     linear, angular = np.split(motion_subspace(model, index), 2)
     turns = bool(np.any(angular))
-    axis, pitch = (angular if turns else linear), linear @ angular
+    axis = angular if turns else linear
+    pitch = linear @ angular
     body = model.inertias[index]
     place = _placement(model.jointPlacements[index])
     inertia = (body.mass, *body.lever, *body.inertia.ravel())
