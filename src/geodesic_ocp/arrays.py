@@ -201,7 +201,8 @@ class ShortRepr:
         defaults = {each.name: each.default for each in fields(self)}  # type: ignore[arg-type]
         shown = []
         for name in self._shown or defaults:
-            entry, default = getattr(self, name), defaults.get(name, MISSING)
+            entry = getattr(self, name)
+            default = defaults.get(name, MISSING)
             is_empty = isinstance(entry, Sized) and len(entry) == 0
             if not (entry is default or is_empty or (np.isscalar(entry) and entry == default)):
                 shown.append(f"{name}={_short(entry)}")

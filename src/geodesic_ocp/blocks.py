@@ -55,13 +55,15 @@ class Terms:
         slopes: ca.SX | None = None,
         lasting: bool = False,
     ) -> None:
-        self._z, self._p = variables, ca.SX(0, 1) if parameters is None else parameters
+        self._z = variables
+        self._p = ca.SX(0, 1) if parameters is None else parameters
         self._f = ca.SX(objective)
         self._g = ca.SX(0, 1) if constraints is None else ca.densify(constraints)
         self.size, self.size_g = int(self._z.numel()), int(self._g.numel())
         self.size_p = int(self._p.numel())
         self.has_objective = not self._f.is_zero()
-        self._given_slopes, self._lasting = slopes, lasting
+        self._given_slopes = slopes
+        self._lasting = lasting
 
     @cached_property
     def value(self) -> ca.Function:
@@ -108,10 +110,12 @@ class Terms:
 
         `at_once`: whether they are compiled at their first use, not after some, see `Library`.
         """
-        function, library = getattr(self, name), self._compiled(name)
+        function = getattr(self, name)
+        library = self._compiled(name)
         if not len(z):
             return [np.empty((0, function.numel_out(k))) for k in range(function.n_out())]
-        p, begin = np.ascontiguousarray(p, dtype=float), time.perf_counter()
+        p = np.ascontiguousarray(p, dtype=float)
+        begin = time.perf_counter()
         if library is None or (handle := library.handle(at_once)) is None:
             every = np.broadcast_to(p, (len(z), self.size_p))
             found = function.map(len(z)).call([ca.DM(z.T), ca.DM(every.T)])
@@ -128,7 +132,10 @@ class Terms:
         pointers = _pointers([z, p], arguments), _pointers(outputs, results)
         work = np.empty(numbers + 1)
         handle.many(
-            *(getattr(handle, name), ctypes.c_longlong(len(z)), 2, len(outputs)),
+            getattr(handle, name),
+            ctypes.c_longlong(len(z)),
+            2,
+            len(outputs),
             *(each for pair in zip(pointers, map(_steps, steps), strict=True) for each in pair),
             work.ctypes.data_as(ctypes.c_void_p),
         )
@@ -145,7 +152,8 @@ class Terms:
     def _compiled(self, name: str) -> Library | None:
         """Return a library with a function, if that takes long enough."""
         if name not in self._libraries:
-            function, found = getattr(self, name), None
+            function = getattr(self, name)
+            found = None
             if self._lasting or function.n_instructions() > _MANY:
                 digest = sha256(function.serialize().encode()).hexdigest()
                 found = Library(lambda: {name: function}, digest, lasting=self._lasting)
@@ -177,7 +185,8 @@ class Terms:
 
     @cached_property
     def _curvature(self) -> tuple[list[ca.SX], ca.SX]:
-        lam_f, lam_g = ca.SX.sym("lam_f"), ca.SX.sym("lam_g", self.size_g)
+        lam_f = ca.SX.sym("lam_f")
+        lam_g = ca.SX.sym("lam_g", self.size_g)
         if self._given_slopes is None:
             hessian, _ = ca.hessian(lam_f * self._f + ca.dot(lam_g, self._g), self._z)
         else:
@@ -186,7 +195,8 @@ class Terms:
         return [lam_f, lam_g], ca.triu(ca.SX(hessian))
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-        arguments, dense = [self._z, self._p, *more], [ca.densify(each) for each in outputs]
+        arguments = [self._z, self._p, *more]
+        dense = [ca.densify(each) for each in outputs]
         whole = ca.Function(name, arguments, dense)
         if whole.n_instructions() > _LONG:
             return whole
@@ -241,8 +251,11 @@ class Instance(ca.SX):
         indices: Indices,
     ) -> None:
         super().__init__(expression)
-        self.terms, self.numbers, self.variables = terms, numbers, variables
-        self.inner, self.indices = inner, indices
+        self.terms = terms
+        self.numbers = numbers
+        self.variables = variables
+        self.inner = inner
+        self.indices = indices
 
     def __repr__(self) -> str:
         return f"Instance({self.numbers.size} numbers)"
@@ -361,7 +374,8 @@ class Block:
         As products of sparse matrices, for each sum has the variables of many instances.
         """
         rows, columns = self.terms.jacobian_entries
-        size_g, size = self.terms.size_g, self.terms.size
+        size_g = self.terms.size_g
+        size = self.terms.size
         each = np.arange(self.count)[:, None]
         of_instances = _assembled(
             (size_g * self.count, size * self.count),
@@ -380,7 +394,8 @@ class Block:
         """Get values of instances, one column each, added up where they have the same variables."""
         if self.groups is None:
             return values
-        ones, each = np.ones(self.count), np.arange(self.count)
+        ones = np.ones(self.count)
+        each = np.arange(self.count)
         shape = self.count, self.num_places
         return values @ as_dm(scipy.sparse.csc_array((ones, (each, self.groups)), shape))
 
@@ -402,12 +417,15 @@ class Block:
         if isinstance(self.places, Cells):
             row, column, entries = self.places.hessians(pattern, values)
             return _Entries(row, column, entries)
-        columns, factors = self._matrix.indices, self._matrix.data
+        columns = self._matrix.indices
+        factors = self._matrix.data
         number, one = self._expanded(self._of_instances(first))
         # Every entry of the one row of A with every entry of the other.
         again, other = self._expanded(self._of_instances(second)[number])
-        number, one = number[again], one[again]
-        row, column = columns[one], columns[other]
+        number = number[again]
+        one = one[again]
+        row = columns[one]
+        column = columns[other]
         off_diagonal = np.tile(first != second, self.num_places)[number]
         coefficient = factors[one] * factors[other]
         coefficient *= np.where((row == column) & off_diagonal, 2.0, 1.0)
@@ -512,7 +530,8 @@ class BlockProgram:
         """nlp, grad_f, jac_g, hess_lag: the program and its derivatives, as nlpsol takes them."""
         x = ca.MX.sym("x", self.size)
         p = ca.MX.sym("p", 0) if self.parameters is None else self.parameters
-        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.size_g)
+        lam_f = ca.MX.sym("lam_f")
+        lam_g = ca.MX.sym("lam_g", self.size_g)
         inner = list(dict.fromkeys(each.inner for each in self.blocks if each.inner is not None))
         before = [(block, block.arguments(x)) for block in inner]
         points: dict[Block | None, ca.MX] = {None: x}
@@ -520,17 +539,22 @@ class BlockProgram:
         for block, arguments in before:
             points[block] = ca.vec(block.terms.mapped(value, block.count, arguments)[1])
         pairs = [(block, block.arguments(points[block.inner])) for block in self.blocks]
-        f, g = ca.MX(0), []
+        f = ca.MX(0)
+        g = []
         for block, (z, values) in pairs:
             of_each, constraints = block.terms.mapped(value, block.count, [z, values])
             f += _weighted(block, of_each) if block.terms.has_objective else 0
             g.append(block.constraints(constraints))
         again, gradient = self._gradient(pairs)
         if self.quadratic is not None:
-            bent, linear = as_dm(self.quadratic[0]) @ x, ca.DM(self.quadratic[1])
+            bent = as_dm(self.quadratic[0]) @ x
+            linear = ca.DM(self.quadratic[1])
             more = ca.dot(x, bent) / 2 - ca.dot(linear, x)
-            f, again, gradient = f + more, again + more, ca.densify(gradient + bent - linear)
-        names, constraints = ["x", "p"], ca.vertcat(ca.MX(0, 1), *g)
+            f = f + more
+            again = again + more
+            gradient = ca.densify(gradient + bent - linear)
+        names = ["x", "p"]
+        constraints = ca.vertcat(ca.MX(0, 1), *g)
         slopes = self._jacobian(pairs, before)
         lam_of_blocks = lam_g
         if self.scales is not None:
@@ -550,7 +574,8 @@ class BlockProgram:
         return {name: ca.Function(name, *each) for name, each in functions.items()}
 
     def _gradient(self, pairs: _Pairs) -> tuple[ca.MX, ca.MX]:
-        f, parts = ca.MX(0), []
+        f = ca.MX(0)
+        parts = []
         for block, (z, values) in pairs:
             if block.terms.has_objective:
                 of_each, slopes = block.terms.mapped("gradient", block.count, [z, values])
@@ -574,7 +599,8 @@ class BlockProgram:
         """Return the Jacobian of all constraint functions (size_g, size) by x, or by those of an
         inner block, of the blocks in these variables.
         """
-        first, parts = 0, []
+        first = 0
+        parts = []
         for block, (z, values) in pairs:
             if block.size_g and block.inner is inner:
                 _, slopes = block.terms.mapped("jacobian", block.count, [z, values])
@@ -613,7 +639,8 @@ class BlockProgram:
         """Return the upper triangle of the Hessian (size, size) of the blocks in x, or in the
         constraint functions of an inner block.
         """
-        first, parts = 0, []
+        first = 0
+        parts = []
         for block, (z, values) in pairs:
             own = lam_g[first : first + block.size_g]
             first += block.size_g
@@ -659,7 +686,10 @@ def _assembled(shape: tuple[int, int], parts: Sequence[_Entries]) -> ca.MX:
         return ca.MX(*shape)
     rows = np.concatenate([part.row for part in parts], dtype=np.int64)
     columns = np.concatenate([part.column for part in parts], dtype=np.int64)
-    entries, sources, factors, first = [], [], [], 0
+    entries = []
+    sources = []
+    factors = []
+    first = 0
     for part in parts:
         entries.append(ca.densify(part.values))
         count = int(part.values.numel())
@@ -672,7 +702,8 @@ def _assembled(shape: tuple[int, int], parts: Sequence[_Entries]) -> ca.MX:
     pattern = ca.Sparsity.triplet(
         *shape, (unique % shape[0]).tolist(), (unique // shape[0]).tolist()
     )
-    source, factor = np.concatenate(sources), np.concatenate(factors)
+    source = np.concatenate(sources)
+    factor = np.concatenate(factors)
     every = ca.vertcat(*entries)
     places = places.ravel()
     # Most entries are alone in their places; the others are added up first.

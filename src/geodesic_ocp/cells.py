@@ -35,7 +35,8 @@ class Cells:
     @property
     def matrix(self) -> tuple[Indices, Indices, Array]:
         """Rows, columns and entries of the matrix from x to the variables of all instances."""
-        (cells, _, n), (points, rows, _) = self.indices.shape, self.rows.shape[-3:]
+        (cells, _, n) = self.indices.shape
+        (points, rows, _) = self.rows.shape[-3:]
         point, row, node = np.nonzero(self._of_cells.any(axis=0))
         cell, at, i = np.ix_(np.arange(cells), np.arange(point.size), np.arange(n))
         size = rows * n + len(self.shared)
@@ -87,8 +88,10 @@ class Cells:
     ) -> tuple[Indices, Indices, ca.MX]:
         """Return mixed derivatives, sum_k A_sa H_st: by the nodes and what is shared."""
         cells, nodes, n = self.indices.shape
-        (row, i), to = np.divmod(pattern[0], n), pattern[1]
-        places, found = [], []
+        (row, i) = np.divmod(pattern[0], n)
+        to = pattern[1]
+        places = []
+        found = []
         for s in np.unique(row).tolist():
             here = np.flatnonzero(row == s)
             factors = scipy.sparse.kron(scipy.sparse.eye(cells), self.rows[:, s])
@@ -106,7 +109,8 @@ class Cells:
         With blocks H_st of rows s and t, the block of nodes a and b is the sum over k, s and t of
         A_sa A_tb H_st, one product of dense matrices for all cells with the same rows.
         """
-        (_, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape[-3:]
+        (_, nodes, n) = self.indices.shape
+        (points, rows, _) = self.rows.shape[-3:]
         first, second = np.triu_indices(nodes)  # the pairs (a, b) of a cell's nodes with a <= b
         height = len(pattern[0])
         place = np.full((rows * n, rows * n), height)

@@ -97,7 +97,8 @@ class Relay(ca.Callback):
         receive: Callable[[int, dict[str, ca.DM]], object],
     ) -> None:
         super().__init__()
-        self._receive, self._number = receive, 0
+        self._receive = receive
+        self._number = 0
         self.failure: BaseException | None = None
         self.stopped = False
         sizes = (size_x, 1, size_g, size_x, size_g, size_p)
@@ -126,7 +127,8 @@ class Relay(ca.Callback):
             answer = self._receive(self._number, dict(zip(self._sizes, arguments, strict=True)))
             self.stopped = isinstance(answer, (bool, np.bool_)) and bool(answer)
         except BaseException as error:
-            self.failure, self.stopped = error, True
+            self.failure = error
+            self.stopped = True
         self._number += 1
         return [int(self.stopped)]
 
@@ -226,7 +228,8 @@ class Ipopt:
 
     def __call__(self, **values: Any) -> Outcome:
         """Solve with nlpsol's x0, p, lbx, ubx, lbg, ubg."""
-        start, given = time.perf_counter(), {**self._usual, **values}
+        start = time.perf_counter()
+        given = {**self._usual, **values}
         numbers = [
             np.broadcast_to(np.asarray(given[name], dtype=float), each.shape)
             for name, each in self._usual.items()
@@ -253,7 +256,8 @@ class Ipopt:
         added = stats["iterations"]["regularization_size"] if stats["iter_count"] else [1.0]
         success = bool(stats["success"]) and word == "Solve_Succeeded"
         success = success and bool(np.isfinite(np.concatenate([x, g, lam_x, lam_g])).all())
-        iterations, objective = int(stats["iter_count"]), f.item()
+        iterations = int(stats["iter_count"])
+        objective = f.item()
         return Outcome(
             success, status, iterations, seconds, objective, x, g, lam_x, lam_g, added[-1] > 0.0
         )

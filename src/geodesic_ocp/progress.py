@@ -49,7 +49,8 @@ class ProgressBar:
 
     def __init__(self, patience: float = 0.0) -> None:
         self._bar: Any = None
-        self._patience, self._next_line = patience, time.monotonic() + _SPACING
+        self._patience = patience
+        self._next_line = time.monotonic() + _SPACING
 
     def __call__(self, label: str, done: int, total: int) -> None:
         """Show the current step and the fraction done, or the amount if the total is not known."""

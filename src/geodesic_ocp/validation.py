@@ -109,7 +109,9 @@ def planar_arm(
     """
     if not len(lengths) == len(masses) == len(centres) == len(inertias) > 0:
         raise ValueError("lengths, masses, centres and inertias must have as many entries each")
-    parts, parent, offset = ['<robot name="planar arm"><link name="base"/>'], "base", 0.0
+    parts = ['<robot name="planar arm"><link name="base"/>']
+    parent = "base"
+    offset = 0.0
     links = zip(lengths, masses, centres, inertias, strict=True)
     for index, (length, mass, centre, inertia) in enumerate(links, start=1):
         # Only the moment about z counts in the plane; the others make a physical body of it.
@@ -120,7 +122,8 @@ def planar_arm(
             f'<joint name="joint{index}" type="continuous"><parent link="{parent}"/>'
             f'<child link="link{index}"/><origin xyz="{offset!r} 0 0"/><axis xyz="0 0 1"/></joint>'
         )
-        parent, offset = f"link{index}", length
+        parent = f"link{index}"
+        offset = length
     parts.append(
         f'<link name="tip"/><joint name="end" type="fixed"><parent link="{parent}"/>'
         f'<child link="tip"/><origin xyz="{offset!r} 0 0"/></joint></robot>'
@@ -240,7 +243,8 @@ def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
 
 
 BUNDLED = Path(__file__).resolve().parent / "data" / "known_geodesics.json"
-FORMAT, VERSION = "geodesic_ocp known geodesics", 1
+FORMAT = "geodesic_ocp known geodesics"
+VERSION = 1
 
 
 Positive: TypeAlias = Annotated[float, Meta(gt=0.0)]
@@ -425,7 +429,8 @@ def check_geodesic(known: KnownGeodesic, backend: str | None = None) -> list[Che
     Raises:
         ValueError: the back end is unknown or cannot be imported here.
     """
-    start, tolerance = (known.q0, known.v0), known.tolerances["exp"]
+    start = (known.q0, known.v0)
+    tolerance = known.tolerances["exp"]
 
     def on_the_way(metric: Metric) -> Pair:
         times = [0.0, *(each.s for each in known.points)]
@@ -484,9 +489,11 @@ def _checks(
     checks = []
     for quantity, (found, tolerance) in quantities.items():
         try:
-            error, message = float(np.abs(np.subtract(*found(metric))).max()), ""
+            error = float(np.abs(np.subtract(*found(metric))).max())
+            message = ""
         except _FAILURES as failure:
-            error, message = np.inf, str(failure)
+            error = np.inf
+            message = str(failure)
         checks.append(Check(known.name, quantity, used or "-", error, tolerance, message))
     return checks
 

@@ -65,9 +65,11 @@ def align(
     notes: tuple[str, ...] = ()
     if given is not None:
         check_joints(given, model)
-        aligned, source = given, f"read from {alignment}"
+        aligned = given
+        source = f"read from {alignment}"
     elif known is not None:
-        aligned, source = known, f"the built-in alignment of {model.name}"
+        aligned = known
+        source = f"the built-in alignment of {model.name}"
     else:
         aligned, notes = proposal(model, side)
         source = "taken from the kinematics, assuming that"
@@ -87,7 +89,8 @@ def align(
 
 def _table(robot: Model, aligned: Alignment) -> DataFrame:
     """Return shoulder, axes, length, side, elbow and wrist of an alignment, in words."""
-    base, hand = np.asarray(aligned.base), np.asarray(aligned.hand)
+    base = np.asarray(aligned.base)
+    hand = np.asarray(aligned.hand)
     across = {"right": "back of the hand", "left": "palm"}.get(aligned.side or "", "hand's right")
     position = ", ".join(f"{entry:.3f}" for entry in np.asarray(aligned.shoulder) + 0.0)
     rows = (

@@ -48,7 +48,9 @@ from geodesic_ocp.tables import markdown, text
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most
+# of possible cuts: at least [s], and about at most
+_SPACING = 0.05
+_CANDIDATES = 70
 
 
 def analyse(
@@ -235,7 +237,8 @@ def _summarize(
     fit: MarkerFit | None,
     degrees: bool,
 ) -> None:
-    motion, subject = analysis.motion, analysis.motion.subject
+    motion = analysis.motion
+    subject = analysis.motion.subject
     height, mass = stature_of(subject, settings.height, settings.mass)
     who = f" of {subject.name}" if subject.name else ""
     print(

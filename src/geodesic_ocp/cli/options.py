@@ -66,7 +66,8 @@ class GivenLimits:
             ValueError: an option is not a number or share, or names an unknown joint.
         """
         given = {name: _limit(name, getattr(self, name)) for name in ("position", *QUANTITIES)}
-        position, file = given.pop("position"), self.joint_limits
+        position = given.pop("position")
+        file = self.joint_limits
         hand = None if self.hand_speed is None else _number("hand_speed", self.hand_speed)
         robots = [within_ranges(robot, position, file) for robot in robots]
         found = [joint_limits(each, **given, hand_speed=hand, file=file) for each in robots]
@@ -87,7 +88,8 @@ def _limit(name: str, values: Sequence[str] | None) -> Given:
     """Return one number for all joints, or numbers by joint."""
     by_joint: dict[str, float | str] = {}
     for value in values or ():
-        joint, limit = value.rpartition("=")[0], _number(name, value)
+        joint = value.rpartition("=")[0]
+        limit = _number(name, value)
         if not joint and len(values or ()) > 1:
             raise ValueError(f"--{name}: several limits must be JOINT=LIMIT each, got {value}")
         if not joint:
@@ -148,9 +150,12 @@ def with_load(robot: Model, payload: str | None) -> Model:
     values = _numbers("payload", payload, payload)
     if values.size not in (1, 4, 7, 10):
         raise ValueError(f"--payload {payload}: must be MASS[,x,y,z[,ixx,iyy,izz[,ixy,ixz,iyz]]]")
-    mass, centre, moments = values[0], values[1:4], np.zeros(6)
+    mass = values[0]
+    centre = values[1:4]
+    moments = np.zeros(6)
     moments[: max(values.size - 4, 0)] = values[4:]
-    (xx, yy, zz), (xy, xz, yz) = moments[:3], moments[3:]
+    (xx, yy, zz) = moments[:3]
+    (xy, xz, yz) = moments[3:]
     inertia = None if values.size < 7 else [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     for hand in reversed(robot.hands):  # the first is the hand again
         robot = robot.with_hand(hand)

@@ -292,7 +292,8 @@ def _found(names: Sequence[str]) -> Iterator[_Found]:
         else:
             kind = file_kind(path)
             if kind == "result":  # of many recordings; the synergies are beside it
-                path, kind = path.with_suffix(SYNERGIES), "synergies"
+                path = path.with_suffix(SYNERGIES)
+                kind = "synergies"
             yield (name if kind == "robot" else path), kind
 
 
@@ -337,7 +338,8 @@ def _with_marks(playback: Playback, file: Path) -> Playback:
     """Return the playback of synergies with the marks of their cuts in the table beside the file,
     if there is one.
     """
-    table, spans = file.with_name("cuts.csv"), playback.spans["synergies"]
+    table = file.with_name("cuts.csv")
+    spans = playback.spans["synergies"]
     if not table.is_file():
         return playback
     names, lines = read_text_table(table)

@@ -21,7 +21,8 @@ from geodesic_ocp.records import write_file
 _SUFFIXES = (PAGES[0], *PICTURES)
 _PICTURE = ".png"
 _LITTLE = 0.1  # [MB]
-_OF_MOTION, _OF_PICTURE = ("rate", "speed"), ("at",)
+_OF_MOTION = ("rate", "speed")
+_OF_PICTURE = ("at",)
 _VIDEO = Parameter(group="Videos, animations and pictures")
 
 

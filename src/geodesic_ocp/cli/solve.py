@@ -191,7 +191,8 @@ def _literal(key: str, text: str) -> Any:
 
 def solution_table(solution: Solution) -> DataFrame:
     """Return statistics of a solution, one per row."""
-    stats, problem = solution.stats, solution.problem
+    stats = solution.stats
+    problem = solution.problem
     rows: list[tuple[str | int | float, ...]] = [
         ("variables", stats.variables),
         ("constraints", stats.constraints),

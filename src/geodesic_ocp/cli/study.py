@@ -44,9 +44,11 @@ def study(
     print(f"\n{text(found.means())}")
     tests = found.tests(measure, against)
     references = list(tests["against"].unique())
-    hidden, kind = ["sign test p"], "paired tests"
+    hidden = ["sign test p"]
+    kind = "paired tests"
     if len(references) == 1:
-        hidden, kind = [*hidden, "against"], f"against {references[0]}"
+        hidden = [*hidden, "against"]
+        kind = f"against {references[0]}"
     print(f"\n{tested.header}, {kind}\n\n{text(tests.drop(columns=hidden))}")
     if found.synergies is not None and len(found.synergies):
         print(f"\n{text(found.synergy_statistics())}")

@@ -40,7 +40,9 @@ _USE = re.compile(r"[0-9a-f]{32}\.use")
 # Use of a library that one byte stands for [s].
 _USE_STEP = 1e-3
 _JOB = "build-"
-_SOURCE, _OUTPUT = "functions.c", "library"  # in the folder of a job
+# in the folder of a job
+_SOURCE = "functions.c"
+_OUTPUT = "library"
 _NOT_IN_FILE = 8  # type of a section of zeros (SHT_NOBITS)
 # A build that has not ended after this time was interrupted [s].
 _STALE = 1800.0

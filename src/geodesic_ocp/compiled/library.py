@@ -165,7 +165,9 @@ class Library:
         lasting: bool = False,
     ) -> None:
         self._lasting = lasting or dim > 0
-        self._functions, self._fingerprint, self._dim = functions, fingerprint, dim
+        self._functions = functions
+        self._fingerprint = fingerprint
+        self._dim = dim
         self._entry = entry
         self._lock = threading.Lock()
         self._loaded: tuple[ctypes.CDLL, Compiler] | None = None
@@ -218,7 +220,8 @@ class Library:
             return
         file = Path(self._loaded[0]._name)
         if self._not_noted > _NOTEWORTHY:
-            noted, self._not_noted = self._not_noted, 0.0
+            noted = self._not_noted
+            self._not_noted = 0.0
             cache.add_use(file, noted)
         if self._used > _WORTHWHILE:
             cache.forget_use(file)  # if the compiler fails, it is tried again after as much use
@@ -239,7 +242,8 @@ class Library:
                 else:
                     self._start_building()
         if self._failures and not (self._loaded or self._untried or self._is_building):
-            reasons, self._failures = "; ".join(self._failures), []
+            reasons = "; ".join(self._failures)
+            self._failures = []
             warnings.warn(
                 f"functions are not compiled, and slower: {reasons}", RuntimeWarning, stacklevel=2
             )
@@ -280,7 +284,8 @@ class Library:
             run: compiles in a folder.
             before_waiting: called before it waits for the job of another process.
         """
-        key, failure = self._key(compiler), "other users can change all folders for its output"
+        key = self._key(compiler)
+        failure = "other users can change all folders for its output"
         for folder in cache.writable_folders():
             try:
                 while True:

@@ -81,7 +81,8 @@ def model_actor(
     turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     parts = meshes(model) if shown is None else shown
     parts = tuple(part for part in parts if part.link not in hidden)
-    rotations, positions = {}, {}
+    rotations = {}
+    positions = {}
     for link in dict.fromkeys(part.link for part in parts):
         # One pose is enough for a link that does not move.
         turned, moved = model.frame_pose(link, q if model.moves(link) else q[:1])
@@ -110,7 +111,8 @@ def rest_of_person(model: Model) -> tuple[Actor, ...]:
         return ()
     parts, rotation, position = found
     places = dict.fromkeys(part.link for part in parts)
-    turned, moved = dict.fromkeys(places, rotation[None]), dict.fromkeys(places, position[None])
+    turned = dict.fromkeys(places, rotation[None])
+    moved = dict.fromkeys(places, position[None])
     return (Actor(REST, parts, turned, moved, layer=REST),)
 
 

@@ -36,7 +36,8 @@ _POSTURES = {
     "elbow bent": (0.2, 1.6),
     "reaching forward": (1.2, 0.4),
 }
-_STARTS, _STEPS = 30, 60
+_STARTS = 30
+_STEPS = 60
 
 
 def _key_postures(person: Model) -> Array:
@@ -54,8 +55,12 @@ def _starts(robot: Model) -> Array:
     return starts
 
 
-_SECONDS, _RATE = 1.5, 20.0  # from one posture to the next [s], samples [Hz]
-_TARGET, _ROBOT, _SCALED = "person's hand, mapped", "robot's hand", "scaled person's arm"
+# from one posture to the next [s], samples [Hz]
+_SECONDS = 1.5
+_RATE = 20.0
+_TARGET = "person's hand, mapped"
+_ROBOT = "robot's hand"
+_SCALED = "scaled person's arm"
 
 
 def alignment_playback(aligned: Alignment, robot: Model) -> Playback:
@@ -138,19 +143,24 @@ def _followed(robot: Model, rotations: Array, positions: Array) -> Array:
     """Return configurations (k, n), each the nearest pose from the one before, from the best of
     all.
     """
-    starts, count = _starts(robot), len(positions)
-    best, least = np.zeros((count, robot.dof)), np.inf
+    starts = _starts(robot)
+    count = len(positions)
+    best = np.zeros((count, robot.dof))
+    least = np.inf
     for first in dict.fromkeys((count // 2, 0, count - 1)):
-        q, errors = np.zeros((count, robot.dof)), np.zeros(count)
+        q = np.zeros((count, robot.dof))
+        errors = np.zeros(count)
         steps = [(first, starts)]
         steps += [(k, q[k - 1 : k]) for k in range(first + 1, count)]
         steps += [(k, q[k + 1 : k + 2]) for k in range(first - 1, -1, -1)]
         for k, begin in steps:  # each begins where the one before, which is its neighbour, ended
             pose = rotations[k : k + 1], positions[k : k + 1]
             found = nearest_poses(robot, *pose, begin[None], _STEPS)
-            q[k], errors[k] = found.q[0], max(found.distances[0], found.angles[0])
+            q[k] = found.q[0]
+            errors[k] = max(found.distances[0], found.angles[0])
         if errors.max() < least:
-            best, least = q, float(errors.max())
+            best = q
+            least = float(errors.max())
     return best
 
 
@@ -167,9 +177,14 @@ def _scaled(person: Model, q: Array, scale: float) -> Actor:
 # Columns of the person's axes, which are right, forward and up.
 _VIEWS = {"seen from behind": (0, "right"), "seen from the right": (1, "forward")}
 _MARGIN = 0.06  # [m], around everything
-_PANEL, _TALLEST, _AROUND = 2.5, 1.6, 1.9  # width [inch], height over it, what is not panels [inch]
+# width [inch], height over it, what is not panels [inch]
+_PANEL = 2.5
+_TALLEST = 1.6
+_AROUND = 1.9
 _STILL = 0.5  # how dark the outlines of what does not move are
-_ARROW, _END_ON = 0.22, 0.25  # length relative to the arm's; share of it that is seen at least
+# length relative to the arm's; share of it that is seen at least
+_ARROW = 0.22
+_END_ON = 0.25
 _PERSON: dict[str, Any] = {"color": ROLES["observed"]["color"], "linewidth": 1.4, "zorder": 3.0}
 _PERSON |= {"linestyle": (0, (3.5, 1.5))}
 _MARK: dict[str, Any] = {"color": "0.15", "markeredgecolor": "white", "zorder": 4.0}
@@ -195,8 +210,10 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
     turned, placed = aligned.to_robot(*person.hand_pose(q), scale=scale)
     starts = np.repeat(_starts(robot)[None], len(q), axis=0)
     found = nearest_poses(robot, turned, placed, starts, _STEPS)
-    base, shoulder = np.asarray(aligned.base), np.asarray(aligned.shoulder)
-    bodies, human = Postures.of(robot, found.q), Postures.of(person, q)
+    base = np.asarray(aligned.base)
+    shoulder = np.asarray(aligned.shoulder)
+    bodies = Postures.of(robot, found.q)
+    human = Postures.of(person, q)
     reached, hands = robot.hand_pose(found.q)
     arrows = _ARROW * aligned.length * (base.T @ reached @ np.asarray(aligned.hand).T)
     figure = new_figure(9.0, 6.9)
@@ -243,7 +260,8 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
 
 def _marks(robot: Model, aligned: Alignment, q: Array) -> dict[str, tuple[Array, str]]:
     """Return points in the person's axes, with their markers."""
-    base, shoulder = np.asarray(aligned.base), np.asarray(aligned.shoulder)
+    base = np.asarray(aligned.base)
+    shoulder = np.asarray(aligned.shoulder)
     marks = {"shoulder": (np.zeros(3), "o"), "base": (-shoulder @ base, "s")}
     for label, joint, marker in (("elbow", aligned.elbow, "D"), ("wrist", aligned.wrist, "^")):
         if joint is not None and robot.pin.existFrame(joint):

@@ -255,7 +255,8 @@ def _behind(low: Array, high: Array, point: Array, normal: Array) -> Array:
     heights = (corners - point) @ normal
     found = []
     for k in range(4):
-        here, after = heights[k], heights[(k + 1) % 4]
+        here = heights[k]
+        after = heights[(k + 1) % 4]
         if here <= 0.0:
             found.append(corners[k])
         if here * after < 0.0:
@@ -301,6 +302,7 @@ def gap_directions(near: NearestPoints) -> Array:
 
     Of all configurations in which the bodies are about as near as they ever come.
     """
-    lines, apart = near.ends - near.starts, near.distances
+    lines = near.ends - near.starts
+    apart = near.distances
     narrow = (apart < apart.min() + _NEAR) & (np.abs(apart) > _TINY)
     return np.asarray(lines[narrow] / np.linalg.norm(lines[narrow], axis=1, keepdims=True))

@@ -122,7 +122,8 @@ def draw_arm_strip(
     colour = ROLES[arms[0].role]["color"]
     width, tallest = np.max([high - low for _, low, high in rows], axis=0)
     gap = _GAP * max(width, tallest)
-    pitch, top = width + gap, 0.0
+    pitch = width + gap
+    top = 0.0
     for view, (columns, low, high) in zip(views, rows, strict=True):
         height = float(high[1] - low[1])
         origin = np.array([(low[0] + high[0]) / 2.0, high[1]])
@@ -229,9 +230,11 @@ def draw_overlay(
         everywhere.append(view.plane(path))
         axes.plot(*everywhere[-1].T, color=OBSERVED["color"], linewidth=1.2, zorder=4.0)
     corners = np.concatenate(everywhere)
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
     size = float((high - low).max())
-    low, high = low - _MARGIN * size, high + _MARGIN * size
+    low = low - _MARGIN * size
+    high = high + _MARGIN * size
     draw_shapes(axes, obstacle_shapes(obstacles, view, (low, high)), 1.0)
     hands = view.plane(postures.hands[:, 0])
     axes.plot(*hands.T, "o", **_DOT)
@@ -311,7 +314,8 @@ def draw_close_up(
     draw_scale(axes, left + 0.08 * half, low + 0.08 * half, half)
 
 
-_INSTANTS, _SAMPLES = 6, 101
+_INSTANTS = 6
+_SAMPLES = 101
 _TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 
 
@@ -355,7 +359,8 @@ def draw_path_arms(
     view = best_view(postures, np.concatenate(ways), obstacles, lines, closest)
     if near is not None and closest is not None and close is not None:
         least = int(np.argmin(near.distances))
-        points, nearest = np.array([near.starts[least], near.ends[least]]), path(s[closest])
+        points = np.array([near.starts[least], near.ends[least]])
+        nearest = path(s[closest])
         draw_close_up(close, view, model, nearest, points, obstacles, links=links, paths=ways)
         gap = _millimetres(near)
         close.set_title(f"nearest at s = {s[closest]:.2g}, {gap}", **_TITLE)

@@ -110,7 +110,8 @@ def _hidden(view: Camera, postures: Postures) -> float:
         return 0.0
     joints = postures.joints[:, moves].reshape(-1, 3)
     hidden = np.zeros(len(joints), dtype=bool)
-    places, depths = view.plane(joints) @ _ROUGH.T, view.depth(joints)
+    places = view.plane(joints) @ _ROUGH.T
+    depths = view.depth(joints)
     for body in postures.still:
         inside = np.all(places < (view.plane(body) @ _ROUGH.T).max(axis=0), axis=1)
         hidden |= inside & (depths < view.depth(body).mean())

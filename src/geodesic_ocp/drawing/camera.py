@@ -101,7 +101,8 @@ class Camera:
         """Return the camera that sees the same of things turned by a rotation (3, 3) about a
         point (3,) [m].
         """
-        turn, centre = np.asarray(rotation), np.asarray(about)
+        turn = np.asarray(rotation)
+        centre = np.asarray(about)
         eye = None if self.eye is None else centre + turn @ (self.eye - centre)
         return replace(self, axes=self.axes @ turn.T, eye=eye)
 
@@ -143,7 +144,8 @@ def cameras(
     low = np.array([each.min(axis=0) for each in pixels])
     high = np.array([each.max(axis=0) for each in pixels])
     # Panes share the vertical range, so that their floors are on one level.
-    low[:, 1], high[:, 1] = low[:, 1].min(), high[:, 1].max()
+    low[:, 1] = low[:, 1].min()
+    high[:, 1] = high[:, 1].max()
     free = np.array(shape[::-1]) - 2.0 * _MARGIN * min(shape)
     focal = float((free / np.maximum((high - low).max(axis=0), 1e-9)).min())
     middles = np.array(shape[::-1]) / 2.0 - focal * (low + high) / 2.0

@@ -161,7 +161,8 @@ def motion_playback(
     notes = [note, f"{others} more joints recorded" if others else "", thinned, motion.caveat]
     if chosen.trunk is not None:  # which moved, but the scene is that of the model's base
         notes.insert(1, f"the {'pelvis' if model.pin.existFrame('thorax') else 'trunk'} at rest")
-    time, q = chosen.time[shown], chosen.q[shown]
+    time = chosen.time[shown]
+    q = chosen.q[shown]
     noted = "; ".join(filter(None, notes))
     scene = model_scene(model, time, q, title=title, role=role, note=noted)
     speeds = hand_speed_plots(model, {"hand": (chosen, role)}, shown)
@@ -224,7 +225,10 @@ def model_playback(model: Model, q: np.ndarray | None = None) -> Playback:
         raise ValueError(f"q must be finite, got {given}")
     for row in rows:
         KineticEnergy(model).check_units("q", row)
-    time, configurations, spans, note = np.zeros(1), rows, {}, ""
+    time = np.zeros(1)
+    configurations = rows
+    spans = {}
+    note = ""
     if len(rows) > 1:
         # Each one is held: what lies between two of them is not known.
         starts = np.arange(len(rows), dtype=float)
@@ -239,7 +243,8 @@ def model_playback(model: Model, q: np.ndarray | None = None) -> Playback:
     return Playback(scene.title, (scene,), spans, azimuth=viewed_from(model))
 
 
-SPEED_SHARES, TORQUE_SHARES = "joint speeds [% of limit]", "torques [% of limit]"
+SPEED_SHARES = "joint speeds [% of limit]"
+TORQUE_SHARES = "torques [% of limit]"
 
 
 def trajectory_playback(
@@ -277,7 +282,8 @@ def trajectory_playback(
             raise ValueError(f"joint {names[column]} is in {given}, but the model's is in {unit}")
     playback = motion_playback(whole, model, title=title, role="predicted")
     shown, _ = shown_samples(motion.time)
-    time, known = motion.time[shown], joint_limits(model) if limits is None else limits
+    time = motion.time[shown]
+    known = joint_limits(model) if limits is None else limits
     velocities = trajectory.velocities[shown][:, columns]
     shares = _shares(model, time, velocities, known.velocity, VELOCITIES, SPEED_SHARES)
     if trajectory.efforts is not None:
@@ -325,7 +331,8 @@ def planned_playback(planned: PlannedTrajectory) -> Playback:
         planned: trajectory of `plan_trajectory`, or of a retargeting.
     """
     whole = planned.sampled(_RATE)
-    parts, first = [], 0
+    parts = []
+    first = 0
     for number, arm in enumerate(planned.arms):
         own = slice(first, first + arm.robot.dof)
         first = own.stop
@@ -357,7 +364,8 @@ def replay_playback(replay: Replay) -> Playback:
     playback = motion_playback(replay.motion, model, note=replay.controller)
     (scene,) = playback.scenes
     shown, _ = shown_samples(replay.motion.time)
-    time, wanted = replay.motion.time[shown], replay.reference.positions[shown]
+    time = replay.motion.time[shown]
+    wanted = replay.reference.positions[shown]
     scene = overlaid(scene, model, wanted, "trajectory", "predicted", layer="trajectory")
     distance = Curve("hand", time, 1000.0 * replay.position_error[shown])
     plots = (

@@ -91,7 +91,8 @@ def packed(values: ArrayLike) -> dict[str, Any]:
     least = np.where(known, rows, np.inf).min(axis=0, initial=np.inf)
     most = np.where(known, rows, -np.inf).max(axis=0, initial=-np.inf)
     least, most = (np.where(np.isfinite(extreme), extreme, 0.0) for extreme in (least, most))
-    middle, step = (least + most) / 2.0, (most - least) / (2.0 * _STEPS)
+    middle = (least + most) / 2.0
+    step = (most - least) / (2.0 * _STEPS)
     scaled = np.rint((np.where(known, rows, middle) - middle) / np.where(step > 0.0, step, 1.0))
     codes = np.where(known, scaled, _UNKNOWN).astype("<i2")
     return {"middle": middle.tolist(), "step": step.tolist(), "data": encoded(codes)}
@@ -102,7 +103,9 @@ def encoded(array: NDArray[Any]) -> str:
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
 
 
-_FINEST, _FEWEST, _MOST = 0.004, 8, 900  # [m] between points of a drawn trail, and their number
+_FINEST = 0.004  # [m] between points of a drawn trail, and their number
+_FEWEST = 8  # [m] between points of a drawn trail, and their number
+_MOST = 900  # [m] between points of a drawn trail, and their number
 
 Shapes = dict[tuple[bytes, bytes], int]  # numbers of the meshes that were met so far
 
@@ -303,7 +306,8 @@ this browser does not support or has disabled.</p>
 
 
 def _pane(scene: Scene) -> str:
-    title, note = _escaped(scene.title), _escaped(scene.note)
+    title = _escaped(scene.title)
+    note = _escaped(scene.note)
     return (
         f'<figure class="playback-pane"><figcaption>{title} <span>{note}</span></figcaption>'
         f'<div class="playback-view" role="img" aria-label="{title}"></div></figure>'

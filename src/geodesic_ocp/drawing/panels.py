@@ -26,10 +26,17 @@ from geodesic_ocp.drawing.styles import CUT_LINES
 
 MOST_PLOTS = 3
 _COLUMNS = 4  # panes side by side
-_EDGE, _TITLE, _HEADER, _BAR, _BELOW, _PLOTS = 12, 34, 26, 20, 10, 162  # [px], of 960
+_EDGE = 12  # [px], of 960
+_TITLE = 34  # [px], of 960
+_HEADER = 26  # [px], of 960
+_BAR = 20  # [px], of 960
+_BELOW = 10  # [px], of 960
+_PLOTS = 162  # [px], of 960
 _NARROWEST = 0.55  # of a pane beside plots, of the width
 _LEAST_UNIT = 0.75  # below which letters could not be read
-_BESIDE, _PANE, _PLOT = 700, 180, 270  # [units], least widths: of a pane with plots, and of each
+_BESIDE = 700  # [units], least widths: of a pane with plots, and of each
+_PANE = 180  # [units], least widths: of a pane with plots, and of each
+_PLOT = 270  # [units], least widths: of a pane with plots, and of each
 
 Box: TypeAlias = tuple[int, int, int, int]  # left, top, width and height [px]
 # An artist, and what changes it to how it is at an instant.
@@ -60,7 +67,8 @@ def layout(playback: Playback, width: int, aspect: float) -> Layout:
     edge, title, header, bar, below, plots_height = (
         round(unit * each) for each in (_EDGE, _TITLE, _HEADER, _BAR, _BELOW, _PLOTS)
     )
-    count, plots = len(playback.scenes), min(len(playback.plots), MOST_PLOTS)
+    count = len(playback.scenes)
+    plots = min(len(playback.plots), MOST_PLOTS)
     inner = width - 2 * edge
     beside = count == 1 and plots > 0 and inner >= _BESIDE * unit
     if not beside:
@@ -91,7 +99,8 @@ def layout(playback: Playback, width: int, aspect: float) -> Layout:
         bars = [(edge, bottom + k * step, inner, bar) for k in range(number)]
         bottom += number * step + below // 2
     if beside:
-        each, left = row // plots, edge + pane_width
+        each = row // plots
+        left = edge + pane_width
         charts = [(left, top + k * each, inner - pane_width, each) for k in range(plots)]
     else:
         each = inner // max(plots, 1)
@@ -108,8 +117,12 @@ def heading(playback: Playback) -> str:
 
 
 _DPI = 100.0  # at width 960
-_BARS, _NOW, _CURSOR = ("#d5dde6", "#b9c5d2"), "#1b3a5c", "#e07b00"
-_NAMES, _TIME = 112, 84  # widths [px, of 960] of names and of the time beside the bars
+_BARS = ("#d5dde6", "#b9c5d2")
+_NOW = "#1b3a5c"
+_CURSOR = "#e07b00"
+# widths [px, of 960] of names and of the time beside the bars
+_NAMES = 112
+_TIME = 84
 _LARGEST = 0.3  # of these, relative to the whole
 _STYLE: dict[Any, Any] = {"font.family": "DejaVu Sans", "xtick.color": SOFT, "ytick.color": SOFT}
 
@@ -159,7 +172,8 @@ def _titles(figure: Any, playback: Playback, place: Layout) -> None:
     whole = _write(figure, place, middle, 18 * place.unit, heading(playback), 11, ha="center")
     shorten(whole, place.width - 24 * place.unit)
     for scene, (left, top, width, _) in zip(playback.scenes, place.panes, strict=True):
-        across, down = left + 8 * place.unit, top - 13 * place.unit
+        across = left + 8 * place.unit
+        down = top - 13 * place.unit
         title = _write(figure, place, across, down, scene.title, 9.5, weight="bold")
         box = title.get_window_extent()
         shorten(title, left + width - across)
@@ -178,7 +192,8 @@ def _write(
 
 def _axes(figure: Any, place: Layout, left: float, top: float, width: float, height: float) -> Any:
     """Add axes that fill a box [px]."""
-    lower, sizes = place.height - top - height, np.array([place.width, place.height])
+    lower = place.height - top - height
+    sizes = np.array([place.width, place.height])
     return figure.add_axes([left, lower, width, height] / np.tile(sizes, 2))
 
 
@@ -265,7 +280,8 @@ def _present(axes: Any, spans: Sequence[Span]) -> tuple[Moving, Moving]:
             mark.set(x=span.start, width=span.stop - span.start)
 
     def change_text(instant: float) -> None:
-        span, (start, stop) = now(instant), axes.get_xlim()
+        span = now(instant)
+        (start, stop) = axes.get_xlim()
         text.set_text("" if span is None else plain_text(span.name))
         if span is not None:
             middle = ((span.start + span.stop) / 2.0 - start) / (stop - start)

@@ -34,7 +34,10 @@ from geodesic_ocp.drawing.scene import Scene, Trail
 from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed
 from geodesic_ocp.model.look import Indices
 
-_OVERLAY, _UNBOUNDED, _ELLIPSOID = 0.40, 0.30, 0.35  # opacities
+# opacities
+_OVERLAY = 0.40
+_UNBOUNDED = 0.30
+_ELLIPSOID = 0.35
 TINT = 0.12  # of white in the colours of bodies, so that dark ones keep their shading
 
 
@@ -72,10 +75,15 @@ def _ball() -> tuple[Array, Array, Indices]:
 
 
 SAMPLES = 2  # pixels of the camera per pixel of the picture, in either direction
-_FUTURE, _HIDDEN = 0.35, 0.30  # opacity of a path that is still ahead; of what is behind a surface
-_FULL, _HALF = np.float32(255.0), np.float32(0.5)
+# opacity of a path that is still ahead; of what is behind a surface
+_FUTURE = 0.35
+_HIDDEN = 0.30
+_FULL = np.float32(255.0)
+_HALF = np.float32(0.5)
 _OUTLINE = 1.3  # width of the outline of overlays, as `Pane.scale`
-_EDGE, _BEHIND = np.float32(0.95), np.float32(1.015)  # opacity; may lie behind by this, relatively
+# opacity; may lie behind by this, relatively
+_EDGE = np.float32(0.95)
+_BEHIND = np.float32(1.015)
 _OVER_COLOUR = np.float32(0.25)  # opacity of overlays, relative, over what is coloured
 _AXIS = 0.12  # [m], length of the axes of a frame
 
@@ -141,7 +149,8 @@ class Pane:
     ) -> None:
         """Lay surfaces over the picture, and outline overlays."""
         seen = visible(placed(parts, when), self.camera)
-        behind, shades = closeness[seen.pixels], seen.shades
+        behind = closeness[seen.pixels]
+        shades = seen.shades
         alpha = np.float32(parts[0].alpha) * (seen.closeness >= behind)
         if parts[0].overlay:
             # What has a colour of its own keeps it.
@@ -171,7 +180,8 @@ class Pane:
     def _markings(self, when: float) -> Iterable[tuple[Array, str]]:
         """Yield ends (2, 3) [m] and colours of the axes of frames, and of gaps."""
         for frame in self.scene.frames:
-            origin, axes = at(frame.positions, when), at(frame.rotations, when).T
+            origin = at(frame.positions, when)
+            axes = at(frame.rotations, when).T
             for axis, name in zip(axes, "xyz", strict=True):
                 yield np.array([origin, origin + _AXIS * axis]), SURROUNDINGS[name]
         for gap in self.scene.gaps:
@@ -183,7 +193,8 @@ def pane(
     scene: Scene, parts: tuple[Part, ...], points: Array, camera: Camera, scale: float
 ) -> Pane:
     """Draw what does not move; the other arguments are those of `Pane`, and `Scene.points`."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     middle = np.array([*(low + high)[:2] / 2.0, low[2]])
     radius = 1.1 * float(np.linalg.norm((high - low)[:2]) / 2.0) + 0.25
     # The floor has soft lines: one sample a pixel is enough.

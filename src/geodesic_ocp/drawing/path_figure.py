@@ -56,7 +56,9 @@ DrawExtra: TypeAlias = "Callable[[Axes, Path, tuple[int, int]], None]"
 _SAMPLES = 201
 _HEIGHT = 5.2  # [inch], without arms
 _ABOVE = 0.5  # [inch], of the title of the arms
-_BALLS, _RADIUS = 7, 0.06  # unit balls along the path, and their size relative to it
+# unit balls along the path, and their size relative to it
+_BALLS = 7
+_RADIUS = 0.06
 _CONSTANT = 0.02  # of the largest speed, by which one that is constant differs at most
 _REACHED = 1e-6  # of the range between two limits
 

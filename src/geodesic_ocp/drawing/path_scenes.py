@@ -48,7 +48,8 @@ from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 UNIT_BALLS = "unit balls of the metric"
 _SIZE = 0.08  # of the largest unit ball, relative to the path
-_RINGS, _SIDES = 7, 60
+_RINGS = 7
+_SIDES = 60
 _FLAT = 1e-9  # thickness of curves in a plane, relative to their extent
 _ABOVE = 89.0  # [deg]: looking straight down, a camera could turn about itself
 
@@ -68,7 +69,8 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
     images = np.zeros((len(q), 3, 3))
     images[:, : metric.dim, : metric.dim] = inverse_tensors(metric, q)
     squares, directions = np.linalg.eigh(images)
-    lengths, longest = np.sqrt(np.maximum(squares, 0.0)), longest_drawn(squares[:, -1])
+    lengths = np.sqrt(np.maximum(squares, 0.0))
+    longest = longest_drawn(squares[:, -1])
     ball = scaled_ellipsoids([(UNIT_BALLS, points, images)], size)
     rings: list[Trail] = []
     if metric.dim == 2 and size > 0.0 and longest > 0.0:
@@ -138,7 +140,8 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     shown = model_of(path.metric, model)
     s = _samples(path)
     q = path(s)
-    spans, plots = _between_via_points(path), (*_coordinates(path, shown, s, q), _speed(path, s, q))
+    spans = _between_via_points(path)
+    plots = (*_coordinates(path, shown, s, q), _speed(path, s, q))
     if shown is None:
         scene = coordinate_scene(path.metric, s, q)
         via = _in_space(path.nodes[path.grid.via_nodes])
@@ -156,9 +159,7 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     points = np.concatenate([np.zeros((0, 3)), *(trail.points for trail in scene.trails)])
     usual = _AZIMUTH if shown is None else viewed_from(shown), None
     azimuth, elevation = seen_from(points) or usual
-    return Playback(
-        *(title, (scene,), spans, plots, PARAMETER), azimuth=azimuth, elevation=elevation
-    )
+    return Playback(title, (scene,), spans, plots, PARAMETER, azimuth=azimuth, elevation=elevation)
 
 
 def model_of(metric: Metric, model: Model | None = None) -> Model | None:
@@ -245,7 +246,8 @@ def solution_playback(solution: Solution, model: Model | None = None) -> Playbac
     Raises:
         ValueError: see `path_playback`.
     """
-    problem, stats = solution.problem, solution.stats
+    problem = solution.problem
+    stats = solution.stats
     kind = type(problem).__name__
     found = f"energy {stats.energy:.4g}, length {solution.path.length:.4g}"
     title = f"{kind}: {found if stats.success else 'not solved'}"
@@ -256,7 +258,8 @@ def solution_playback(solution: Solution, model: Model | None = None) -> Playbac
         scene = replace(scene, note="; ".join(filter(None, (scene.note, note))))
     solids = obstacle_solids(drawn_obstacles(problem), *scene.bounds())
     scene = replace(scene, solids=solids)
-    shown, plots = model_of(solution.path.metric, model), playback.plots
+    shown = model_of(solution.path.metric, model)
+    plots = playback.plots
     if shown is not None:
         scene, margins = _with_bodies(scene, problem, shown, solution)
         if scene.gaps:
@@ -309,7 +312,8 @@ def timed_playback(motion: TimedMotion, model: Model | None = None) -> Playback:
     Raises:
         ValueError: there is no model, and more than three coordinates.
     """
-    metric, sampled = motion.metric, motion.to_motion()
+    metric = motion.metric
+    sampled = motion.to_motion()
     shown = model_of(metric, model)
     title = type(getattr(motion, "problem", motion)).__name__
     if shown is not None:

@@ -187,7 +187,8 @@ def _can_be_shown(item: Any) -> bool:
 def _follower(item: Any) -> type | None:
     """Return the type that may follow a result and belongs to it; None if there is none."""
     function = playback.dispatch(type(item))
-    hints, parameters = get_type_hints(function), signature(function).parameters.values()
+    hints = get_type_hints(function)
+    parameters = signature(function).parameters.values()
     given = [hints[each.name] for each in parameters if each.kind is not each.KEYWORD_ONLY]
     last = given[-1] if len(given) > 1 or function is retargeting_playback else None
     return next(iter(get_args(last)), last)

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
 
-INK, SOFT, SHADE = "#22303c", "#6b7682", "#f0f3f7"
+INK = "#22303c"
+SOFT = "#6b7682"
+SHADE = "#f0f3f7"
 _PAGE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "plot", "font.size": 9.5}
 _PLAIN: dict[Any, Any] = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#7a828c"},
@@ -64,9 +66,12 @@ def _named(name: str) -> str:
     return f" {plain_text(name)}"
 
 
-_WIDTH, _HEIGHT = 5.4, 2.5  # [inch], of which a page shows one in about 72 pixels
+_WIDTH = 5.4  # [inch], of which a page shows one in about 72 pixels
+_HEIGHT = 2.5  # [inch], of which a page shows one in about 72 pixels
 _TITLE = 66  # characters of a line of the title at this width
-_PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # more are not seen
+# more are not seen
+_PATH = re.compile(r'\bd="[^"]*"')
+_DIGITS = re.compile(r"(\.\d\d)\d+")
 
 
 def draw_plot(
@@ -90,7 +95,8 @@ def draw_plot(
             line.set_visible(not curve.layer)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
-        place, (low, high) = axes.get_position(), axes.get_ylim()
+        place = axes.get_position()
+        (low, high) = axes.get_ylim()
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None})
     svg = file.getvalue()
@@ -101,7 +107,9 @@ def draw_plot(
 
 MOST_NAMED = 8  # curves in a legend
 # All [px, of 960]: width of a mark in the legend with its spaces, and of a letter; height of a row.
-_MARK, _LETTER, ROW = 40.0, 5.2, 12.0
+_MARK = 40.0
+_LETTER = 5.2
+ROW = 12.0
 _POINT = 72.0 / 100.0  # [pt] in a pixel of 960
 _MOST_ROWS = 4
 _SMALL: dict[str, Any] = {

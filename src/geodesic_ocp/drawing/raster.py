@@ -13,7 +13,9 @@ from geodesic_ocp.drawing.camera import NEAR
 _TRIANGLE_BITS = 24
 _DEPTH_STEPS = 2.0**38
 _STRAIGHT = 0.25  # [pixel], within which points are on one line
-_PIXELS, _SAMPLES = 300, 3  # of the longer side of an outline, and of a pixel's sides
+# of the longer side of an outline, and of a pixel's sides
+_PIXELS = 300
+_SAMPLES = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,11 +40,16 @@ def nearest_fragments(corners: Array, depths: Array, shape: tuple[int, int]) -> 
     """
     height, width = shape
     kept = np.flatnonzero(depths.min(axis=1, initial=np.inf) > NEAR)
-    corners, depths = corners[kept], depths[kept]
-    x, y = corners[..., 0], corners[..., 1]
-    after_x, after_y = np.roll(x, -1, axis=1), np.roll(y, -1, axis=1)
+    corners = corners[kept]
+    depths = depths[kept]
+    x = corners[..., 0]
+    y = corners[..., 1]
+    after_x = np.roll(x, -1, axis=1)
+    after_y = np.roll(y, -1, axis=1)
     # Edge i leads from corner i to the next one, and is opposite to corner i - 1.
-    a, b, c = y - after_y, after_x - x, x * after_y - after_x * y
+    a = y - after_y
+    b = after_x - x
+    c = x * after_y - after_x * y
     area = c.sum(axis=1)
     sign = np.sign(area)[:, None]
     first = np.clip(np.ceil(y.min(axis=1) - 0.5), 0, height).astype(np.int64)
@@ -73,7 +80,8 @@ def nearest_fragments(corners: Array, depths: Array, shape: tuple[int, int]) -> 
     pixels = np.flatnonzero(buffer)
     keys = buffer[pixels]
     seen = keys & ((1 << _TRIANGLE_BITS) - 1)
-    at_x, at_y = pixels % width + 0.5, pixels // width + 0.5
+    at_x = pixels % width + 0.5
+    at_y = pixels // width + 0.5
     edges = a[seen] * at_x[:, None] + b[seen] * at_y[:, None] + c[seen]
     weights = np.roll(edges * scale[seen], -1, axis=1)
     closeness = (keys >> _TRIANGLE_BITS) / _DEPTH_STEPS / NEAR
@@ -102,7 +110,8 @@ def outlines(corners: Array, triangles: NDArray[np.int64]) -> tuple[Array, ...]:
     from matplotlib.path import Path
     from PIL import Image, ImageDraw
 
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
     unit = float((high - low).max()) / _PIXELS or 1.0
     width, height = (np.ceil((high - low) / unit).astype(int) + 2).tolist()
     picture = Image.new("L", (_SAMPLES * width, _SAMPLES * height))
@@ -111,7 +120,8 @@ def outlines(corners: Array, triangles: NDArray[np.int64]) -> tuple[Array, ...]:
     for triangle in fine[triangles].reshape(-1, 6).tolist():
         draw.polygon(triangle, fill=255)
     shares = np.asarray(picture.reduce(_SAMPLES))
-    found, lines = [], contour_generator(z=shares).lines(127.5)
+    found = []
+    lines = contour_generator(z=shares).lines(127.5)
     for line in lines:
         path = Path(np.asarray(line))
         path.simplify_threshold = _STRAIGHT
@@ -119,6 +129,7 @@ def outlines(corners: Array, triangles: NDArray[np.int64]) -> tuple[Array, ...]:
     if not found:  # thinner than a pixel
         return (np.array([low, [high[0], low[1]], high, [low[0], high[1]]]),)
     every = np.concatenate(found)
-    first, last = every.min(axis=0), every.max(axis=0)
+    first = every.min(axis=0)
+    last = every.max(axis=0)
     scale = (high - low) / np.maximum(last - first, 1e-12)
     return tuple(low + (line - first) * scale for line in found)

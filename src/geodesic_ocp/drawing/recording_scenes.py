@@ -62,7 +62,8 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         analysis: analysis of a motion.
         title: title of the playback; the model's name and the number of synergies by default.
     """
-    model, motion = analysis.model, analysis.motion
+    model = analysis.model
+    motion = analysis.motion
     shown, note = shown_samples(motion.time)
     labels = analysis.labels()
     others = [name for name in labels if name != _NAME and name not in analysis.not_found]
@@ -80,9 +81,11 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     )
     scene = overlaid(scene, model, analysis.predicted.q[shown], "predicted", "predicted")
     for name in others:
-        q, role = analysis.predictions[name].q[shown], _role(analysis, name)
+        q = analysis.predictions[name].q[shown]
+        role = _role(analysis, name)
         scene = overlaid(scene, model, q, labels[name], role, layer=labels[name])
-    spans, spread = synergy_spans(analysis.synergies), analysis.known_uncertainty
+    spans = synergy_spans(analysis.synergies)
+    spread = analysis.known_uncertainty
     return Playback(
         title or f"{model.name}, {len(analysis.synergies)} geodesic synergies",
         (scene,),
@@ -122,7 +125,9 @@ def synergy_spans(synergies: Sequence[Synergy]) -> tuple[Span, ...]:
 
 
 def _plots(analysis: Analysis, shown: Indices, others: Sequence[str]) -> tuple[Plot, ...]:
-    model, motion, predicted = analysis.model, analysis.motion, analysis.predicted
+    model = analysis.model
+    motion = analysis.motion
+    predicted = analysis.predicted
     time = motion.time[shown]
     roles = {name: _role(analysis, method) for method, name in analysis.on_same_segments().items()}
     compared = {
@@ -196,9 +201,11 @@ def marker_fit_playback(
     Raises:
         ValueError: the markers were not recorded at the times of the fit.
     """
-    model, motion = fit.model, fit.motion
+    model = fit.model
+    motion = fit.motion
     shown, note = shown_samples(motion.time)
-    time, q = motion.time[shown], motion.q[shown]
+    time = motion.time[shown]
+    q = motion.q[shown]
     notes = (
         f"{len(fit.names)} markers, typically {1e3 * fit.typical_error:.0f} mm from their places",
         "the rest of the person was not fitted and is at rest" if rest_of_person(model) else "",
@@ -245,7 +252,8 @@ def fitted_positions(fit: MarkerFit) -> Array:
 
     Their distances from the recorded markers are the errors of the fit.
     """
-    model, q = fit.model, fit.motion.q
+    model = fit.model
+    q = fit.motion.q
     body = MarkedBody(model)
     found = []
     for name, segment in zip(fit.names, fit.segments, strict=True):

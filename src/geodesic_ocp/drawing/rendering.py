@@ -81,7 +81,8 @@ class Surfaces:
 
 def placed(parts: Sequence[Part], when: float) -> Surfaces:
     """Return parts where they are at a moment."""
-    points, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    points = [np.zeros((0, 3))]
+    normals = [np.zeros((0, 3))]
     triangles = [np.zeros((0, 3), dtype=np.int64)]
     for part in parts:
         matrix = at(part.matrices, when)
@@ -117,7 +118,8 @@ def visible(surfaces: Surfaces, camera: Camera) -> Visible:
     pixels, depths = camera.project(surfaces.points)
     triangles = surfaces.triangles
     seen = nearest_fragments(pixels[triangles], depths[triangles], camera.shape)
-    corners, weights = triangles[seen.triangles], seen.weights.astype(np.float32)
+    corners = triangles[seen.triangles]
+    weights = seen.weights.astype(np.float32)
     single = surfaces.normals.astype(np.float32)
     smooth = weights[:, :1] * single[corners[:, 0]]
     for corner in (1, 2):
@@ -131,13 +133,17 @@ def visible(surfaces: Surfaces, camera: Camera) -> Visible:
 
 PAPER = np.array([1.0, 1.0, 1.0])
 # So that a white robot is seen against them.
-_FLOOR, _LINES = np.array([0.84, 0.86, 0.885]), np.array([0.74, 0.765, 0.795])
+_FLOOR = np.array([0.84, 0.86, 0.885])
+_LINES = np.array([0.74, 0.765, 0.795])
 _CELL = 0.25  # [m], of the grid on the floor
 # Directions to the lights, to the right, up, and towards the camera.
 _KEY = np.array([-0.45, 0.70, 0.55]) / np.linalg.norm([-0.45, 0.70, 0.55])
 _FILL = np.array([0.85, 0.10, 0.50]) / np.linalg.norm([0.85, 0.10, 0.50])
 _HALF = (_KEY + np.array([0.0, 0.0, 1.0])) / np.sqrt(2.0 + 2.0 * _KEY[2])
-_SHADOW, _COARSE, _BLUR = 0.15, 4, 3.0  # darkness; scale and radius [coarse pixel] of its edge
+# darkness; scale and radius [coarse pixel] of its edge
+_SHADOW = 0.15
+_COARSE = 4
+_BLUR = 3.0
 
 
 def lit(colours: Single, normals: Single, camera: Camera) -> Single:
@@ -162,7 +168,8 @@ def floor_picture(camera: Camera, centre: Array, radius: float) -> Array:
     """Return a grid on the floor (height, width, 3) around its centre (3,) [m], fading to paper."""
     height, width = camera.shape
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    across, up = (x - camera.middle[0]) / camera.focal, (camera.middle[1] - y) / camera.focal
+    across = (x - camera.middle[0]) / camera.focal
+    up = (camera.middle[1] - y) / camera.focal
     rays = np.stack([across, up, -np.ones(camera.shape)], axis=-1) @ camera.axes
     falls = rays[..., 2] < -1e-3
     assert camera.eye is not None
@@ -182,7 +189,8 @@ def floor_picture(camera: Camera, centre: Array, radius: float) -> Array:
 def shade(surfaces: Surfaces, floor: float, camera: Camera) -> Pixels:
     """Return where surfaces shade a floor at this height [m]: 255, else 0; coarse."""
     pixels, depths = camera.project(surfaces.points * [1.0, 1.0, 0.0] + [0.0, 0.0, floor])
-    corners, far = pixels[surfaces.triangles] / _COARSE, depths[surfaces.triangles]
+    corners = pixels[surfaces.triangles] / _COARSE
+    far = depths[surfaces.triangles]
     mask: Pixels = np.zeros((camera.shape[0] // _COARSE, camera.shape[1] // _COARSE), np.uint8)
     mask.reshape(-1)[nearest_fragments(corners, far, mask.shape).pixels] = 255
     return mask
@@ -196,7 +204,8 @@ def darken(picture: Pixels, mask: Pixels) -> None:
     if not len(rows):
         return
     reach = round(3.0 * _BLUR)
-    first, last = max(int(rows[0]) - reach, 0), min(int(rows[-1]) + 1 + reach, len(mask))
+    first = max(int(rows[0]) - reach, 0)
+    last = min(int(rows[-1]) + 1 + reach, len(mask))
     image = Image.fromarray(mask[first:last]).filter(ImageFilter.GaussianBlur(_BLUR))
     part = picture[_COARSE * first : _COARSE * last]
     wide = image.resize((part.shape[1], part.shape[0]), Image.Resampling.BILINEAR)
@@ -235,11 +244,14 @@ def stroke(points: Array, camera: Camera, width: float, dashes: tuple[float, ...
     count = int(np.clip(along[-1] / _STEP, 1, 4000)) + 1
     at = np.linspace(0.0, along[-1], count)
     even = np.column_stack([np.interp(at, along, each) for each in (*pixels.T, depths, done)])
-    x, depth, fraction = even[:, :2], even[:, 2], even[:, 3]
+    x = even[:, :2]
+    depth = even[:, 2]
+    fraction = even[:, 3]
     tangent = np.gradient(x, axis=0)
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
     aside = width / 2.0 * np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    a, b = x + aside, x - aside
+    a = x + aside
+    b = x - aside
     corners = np.stack([[a[:-1], b[:-1], a[1:]], [a[1:], b[:-1], b[1:]]])
     corners = corners.transpose(2, 0, 1, 3).reshape(-1, 3, 2)
     depth = np.repeat((depth[:-1] + depth[1:]) / 2.0, 2)
@@ -248,7 +260,9 @@ def stroke(points: Array, camera: Camera, width: float, dashes: tuple[float, ...
         phase = np.mod((at[:-1] + at[1:]) / 2.0, sum(dashes))
         drawn = np.searchsorted(np.cumsum(dashes), phase, side="right") % 2 == 0
         kept = np.repeat(drawn, 2)
-        corners, depth, piece = corners[kept], depth[kept], piece[kept]
+        corners = corners[kept]
+        depth = depth[kept]
+        piece = piece[kept]
     seen = nearest_fragments(corners, np.repeat(depth[:, None], 3, axis=1), camera.shape)
     return Stroke(seen, piece[seen.triangles])
 
@@ -274,7 +288,8 @@ def draw_disc(picture: Pixels, centre: Array, radius: float, colour: Array) -> N
     high = np.minimum(np.ceil(centre + radius + 1.0).astype(int), [width, height])
     if (high <= low).any():
         return
-    x, y = np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5
+    x = np.arange(low[0], high[0]) + 0.5
+    y = np.arange(low[1], high[1]) + 0.5
     distance = np.hypot(x[None] - centre[0], y[:, None] - centre[1])
     share = np.clip(radius + 0.5 - distance, 0.0, 1.0)[..., None]
     part = picture[low[1] : high[1], low[0] : high[0]]

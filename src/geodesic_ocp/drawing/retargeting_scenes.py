@@ -50,7 +50,8 @@ from geodesic_ocp.synergies.scores import hand_speeds
 
 #: Layer of the motion by inverse kinematics, which tracks the whole path of the hand.
 BASELINE = "inverse kinematics (QP)"
-TARGET, SYNERGIES = "person's hand, mapped", "robot's hand"
+TARGET = "person's hand, mapped"
+SYNERGIES = "robot's hand"
 LONGER = 1.005  # times the person's time, from which it is said
 Rows = dict[str, tuple[Span, ...]]  # spans by the name of their row
 
@@ -87,7 +88,8 @@ def robot_pane(retargeting: Retargeting, shown: Indices, start: float) -> Scene:
         shown: indices of the samples that are drawn.
         start: start of the motion in the playback's time [s].
     """
-    arms, one_body = retargeting.arms, _share_a_body(retargeting.arms)
+    arms = retargeting.arms
+    one_body = _share_a_body(retargeting.arms)
     middle = np.mean([np.asarray(arm.mapping.target.shoulder) for arm in arms], axis=0)
     time = retargeting.motion.time[shown]
     whole = Scene(robot_title(arms), time - time[0] + start, note=_note(retargeting))
@@ -107,10 +109,14 @@ def _arm_scene(retargeting: Retargeting, number: int, shown: Indices, one_body: 
     """Return an arm in axes of its robot's base; of one body, what moves is shown with each, and
     what stays with the first.
     """
-    arms, settings = retargeting.arms, retargeting.settings
-    arm, robots = arms[number], [each.robot for each in arms]
-    robot, which = arm.robot, f", {arm.name}" if len(arms) > 1 else ""
-    q, tracked = arm.motion.q[shown], arm.tracked.q[shown]
+    arms = retargeting.arms
+    settings = retargeting.settings
+    arm = arms[number]
+    robots = [each.robot for each in arms]
+    robot = arm.robot
+    which = f", {arm.name}" if len(arms) > 1 else ""
+    q = arm.motion.q[shown]
+    tracked = arm.tracked.q[shown]
     turned, target = (each[shown] for each in arm.target_poses)
     rotations, positions = robot.hand_pose(q)
     links = [str(frame.name) for frame in robot.pin.frames]
@@ -191,7 +197,8 @@ def observed(arms: Sequence[RetargetedArm]) -> tuple[Analysis, ...]:
 
 def _slowed(arms: Sequence[RetargetedArm], time: Array) -> str:
     recorded = arms[0].analysis.motion.time
-    shown, own = float(time[-1] - time[0]), float(recorded[-1] - recorded[0])
+    shown = float(time[-1] - time[0])
+    own = float(recorded[-1] - recorded[0])
     if shown > LONGER * own:
         return "; slowed to the robot's time"
     if any(float(arm.motion.time[-1] - arm.motion.time[0]) > LONGER * shown for arm in arms):
@@ -231,7 +238,8 @@ def _plots(
 
 
 def _of_arm(arm: RetargetedArm, time: Array, shown: Indices, title: str) -> Iterator[Plot]:
-    robot, motions = arm.robot, {_SYNERGIES: arm.motion, BASELINE: arm.tracked}
+    robot = arm.robot
+    motions = {_SYNERGIES: arm.motion, BASELINE: arm.tracked}
 
     def both(values: dict[str, Array]) -> tuple[Curve, ...]:
         roles = {_SYNERGIES: "predicted", BASELINE: "baseline"}
@@ -358,7 +366,8 @@ def _span(number: int, group: SynergyGroup, time: Array) -> Span:
     start, stop = (float(time[sample]) for sample in (group.start, group.stop))
     if group.kind == "rest":
         return Span("rest", start, stop, f"rest ({stop - start:.2f} s)")
-    first, last = group.members[0] + 1, group.members[-1] + 1
+    first = group.members[0] + 1
+    last = group.members[-1] + 1
     made_of = f"{first}" if first == last else f"{first}-{last}"
     text = f"synergy {number} ({stop - start:.2f} s), person's {made_of}"
     return Span(str(number), start, stop, text)

@@ -28,7 +28,8 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
     is seen from where most is seen. The hand's target is a cross.
     """
     samples = np.linspace(0, len(arm.motion.time) - 1, _INSTANTS).round().astype(int)
-    recorded, model = arm.analysis.motion, arm.mapping.model
+    recorded = arm.analysis.motion
+    model = arm.mapping.model
     person = Postures.of(model, recorded.q[samples])
     robot = Postures.of(arm.robot, arm.motion.q[samples])
     way = arm.robot.hand_pose(arm.motion.q)[1]
@@ -62,8 +63,10 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
 
 def _of_person(view: Camera, mapping: PoseMapping) -> Camera:
     """Return the view of a person from where a robot is seen, in a mirror if left is right."""
-    source, target = np.asarray(mapping.source.base), np.asarray(mapping.target.base)
+    source = np.asarray(mapping.source.base)
+    target = np.asarray(mapping.target.base)
     mirror = np.diag([-1.0 if mapping.mirror else 1.0, 1.0, 1.0])  # in the person's axes
     from_robot = source @ mirror @ target.T
-    towards, up = from_robot @ view.towards, from_robot @ view.axes[1]
+    towards = from_robot @ view.towards
+    up = from_robot @ view.axes[1]
     return Camera(np.array([np.cross(up, towards), up, towards]).round(12))

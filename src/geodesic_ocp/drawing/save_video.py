@@ -74,7 +74,9 @@ def frames(
         yield around.picture(instant, list(zip(place.panes, pictures, strict=True)))
 
 
-_FREQUENT, _RARE = 180, 75  # colours of a GIF, and one that is transparent
+# colours of a GIF, and one that is transparent
+_FREQUENT = 180
+_RARE = 75
 _COLOURS = _FREQUENT + _RARE
 _SETTLED = 3  # largest change of a colour, of 255, that a GIF leaves out
 _PAPER = 252  # least of three colours, of 255, that a GIF takes for white
@@ -96,7 +98,8 @@ def write_gif(
     colours = Image.new("P", (1, 1))
     palette = _palette(np.concatenate(chosen))
     colours.putpalette(palette)
-    shown, before = np.zeros((0, 0, 3), dtype=np.uint8), np.zeros((0, 0), dtype=np.uint8)
+    shown = np.zeros((0, 0, 3), dtype=np.uint8)
+    before = np.zeros((0, 0), dtype=np.uint8)
     # Pillow's own writer of animations keeps all frames until the last one is there.
     with file.open("wb") as stream:
         for picture, time in zip(pictures, times, strict=True):
@@ -131,7 +134,8 @@ def _palette(pixels: Frame) -> list[int]:
     """Get red, green and blue of 256 colours: the most frequent ones, and those far from them."""
     from PIL import Image
 
-    image, found = Image.fromarray(pixels), list[int]()
+    image = Image.fromarray(pixels)
+    found = list[int]()
     kinds = (Image.Quantize.MEDIANCUT, _FREQUENT), (Image.Quantize.MAXCOVERAGE, _RARE)
     for method, count in kinds:
         some = image.quantize(count, method=method, dither=Image.Dither.NONE).getpalette() or []
@@ -204,8 +208,10 @@ def ffmpeg() -> str:
 
 
 SUFFIXES = (".mp4", ".gif", ".webp", ".png")
-_SMALLEST, _LARGEST = 160, 3840  # [px], width
-_PASS, _TURN = 4.0, 6.0  # [s], of a path over its parameter; of the camera around what stands still
+_SMALLEST = 160  # [px], width
+_LARGEST = 3840  # [px], width
+_PASS = 4.0  # [s], of a path over its parameter; of the camera around what stands still
+_TURN = 6.0  # [s], of a path over its parameter; of the camera around what stands still
 _FASTEST = {".gif": 50.0, ".webp": 100.0, ".mp4": 240.0}  # [1 / s]; GIF: browsers show no more
 _LOOKED_AT = 8  # frames that are drawn for the colours of a GIF
 
@@ -250,13 +256,15 @@ def save_video(
         raise ValueError(f"file: {path} must end in one of {', '.join(SUFFIXES)}")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
-    rate, speed = as_positive("rate", rate, "1 / s"), as_positive("speed", speed)
+    rate = as_positive("rate", rate, "1 / s")
+    speed = as_positive("speed", speed)
     if rate > _FASTEST.get(suffix, math.inf):
         raise ValueError(f"rate must be at most {_FASTEST[suffix]:g} for {suffix}, got {rate:g}")
     width = as_integer("width", width, 1)
     if not _SMALLEST <= width <= _LARGEST:
         raise ValueError(f"width must be from {_SMALLEST} to {_LARGEST} pixels, got {width}")
-    even, shown = width - width % 2, _layers(playback, layers)
+    even = width - width % 2
+    shown = _layers(playback, layers)
     report = no_progress if progress is None else progress
     if suffix == ".png":
         from PIL import Image
@@ -271,7 +279,8 @@ def save_video(
     if suffix == ".mp4":
         ffmpeg()  # before anything is drawn
     start, stop = playback.range
-    instants, turns = frame_times(playback, rate, speed), None
+    instants = frame_times(playback, rate, speed)
+    turns = None
     if start == stop:
         turns = [2.0 * np.pi * index / len(instants) for index in range(len(instants))]
 

@@ -178,7 +178,8 @@ class Scene(ShortRepr):
         return points.min(axis=0), points.max(axis=0)
 
 
-SECONDS, PARAMETER = "time [s]", "path parameter s"
+SECONDS = "time [s]"
+PARAMETER = "path parameter s"
 
 
 Cut = Literal["stable", "doubtful"]  # what is known of a cut
@@ -369,7 +370,9 @@ def _titled(titles: Sequence[str], playbacks: Sequence[Playback]) -> tuple[Scene
 
 def _numbered(titles: Sequence[str]) -> list[str]:
     """Return titles that differ: equal ones get numbers."""
-    counts, seen, found = Counter(titles), Counter[str](), []
+    counts = Counter(titles)
+    seen = Counter[str]()
+    found = []
     for title in titles:
         seen[title] += 1
         found.append(f"{title} ({seen[title]})" if counts[title] > 1 else title)

@@ -34,7 +34,9 @@ _PAPER: Any = {
     "pdf.fonttype": 42,  # TrueType, which journals ask for
 }
 WIDTH = 7.1  # [inch], two columns
-_ABOVE, _SPREAD = 0.16, 0.14  # points above their row's mean, and across it
+# points above their row's mean, and across it
+_ABOVE = 0.16
+_SPREAD = 0.14
 _BELOW = 0.16  # of the mean
 _LETTERS = 27  # of a label in a line
 _BESIDE = 0.8  # of the least point, at the left end
@@ -118,7 +120,8 @@ def fit_scale(axes: Axes, groups: Sequence[StudyGroup]) -> None:
         axes.xaxis.set_major_locator(MaxNLocator(5))
         return
     ends = [group.interval[1] for group in groups if group.interval is not None]
-    low, high = _BESIDE * min(points), max(*points, *means, *ends) / _BESIDE
+    low = _BESIDE * min(points)
+    high = max(*points, *means, *ends) / _BESIDE
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     subs = (1.0, 2.0, 5.0) if high < _DENSE * low else (1.0,)
@@ -179,7 +182,8 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
         if not subjects:
             continue
         curves = np.array([np.searchsorted(x, grid, side="right") / x.size for x in subjects])
-        mean, color = curves.mean(axis=0), STYLES[number % len(STYLES)]["color"]
+        mean = curves.mean(axis=0)
+        color = STYLES[number % len(STYLES)]["color"]
         if len(subjects) > 1:
             thin: dict[str, Any] = {"linewidth": 0.6, "zorder": 2}
             thin |= {"color": "0.75", "alpha": 0.6} if alone else {"color": color, "alpha": 0.25}
@@ -199,7 +203,9 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
     axes.set_axisbelow(True)
 
 
-_BINS, _LEAST = 10, 12  # number of groups at most, and of points in one at least
+# number of groups at most, and of points in one at least
+_BINS = 10
+_LEAST = 12
 _MOST_SYNERGIES = 0.99  # of all values are within the axes
 
 
@@ -213,7 +219,8 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
         labels: labels of the two axes, with units.
     """
     known = np.isfinite(x) & np.isfinite(y)
-    x, y = x[known], y[known]
+    x = x[known]
+    y = y[known]
     dots: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": "0.62", "label": "synergy"}
     dots |= {"markersize": 2.2, "markeredgewidth": 0.0, "rasterized": True, "zorder": 2}
     axes.plot(x, y, alpha=float(np.clip(12.0 / np.sqrt(max(x.size, 1)), 0.06, 0.8)), **dots)
@@ -234,7 +241,8 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
     axes.set_ylabel(labels[1])
 
 
-_ROW, _FRAME = 0.36, 0.95  # [inch] of a method, and of axis and legend
+_ROW = 0.36  # [inch] of a method, and of axis and legend
+_FRAME = 0.95  # [inch] of a method, and of axis and legend
 _COLUMNS = 4  # of a legend
 _LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
 
@@ -262,7 +270,8 @@ def errors_figure(means: Sequence[Means]) -> Figure:
         groups = []
         for (index, row), own in zip(each.table.iterrows(), each.points, strict=True):
             condition, label = _key(index)
-            points, ends = tuple(each.scale * own), _interval(each.scale, *row.iloc[-2:])
+            points = tuple(each.scale * own)
+            ends = _interval(each.scale, *row.iloc[-2:])
             groups.append(StudyGroup(label, condition, points, each.scale * row["mean"], ends))
         panels.append(groups)
     figure = new_figure(WIDTH, _height(panels[0]))

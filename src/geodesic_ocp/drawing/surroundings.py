@@ -140,7 +140,8 @@ def mobility_ellipsoids(
     chosen = KineticEnergy(model) if metric is None else metric
     at = np.unique(np.linspace(0, len(q) - 1, min(len(q), _MOST)).round().astype(int))
     inverses = inverse_tensors(chosen, q[at])
-    x, tracks = ca.SX.sym("q", model.dof), []
+    x = ca.SX.sym("q", model.dof)
+    tracks = []
     for label, hand in zip(hand_labels(model.hands), model.hands, strict=True):
         if not model.moves(hand):
             continue
@@ -222,7 +223,9 @@ def _extent(model: Model, q: Array) -> float:
 
 
 COLLISION_BODIES = "collision bodies"
-_THICKNESS, _MARGIN = 0.01, 0.15  # of the piece of a half-space, relative to the size of the scene
+# of the piece of a half-space, relative to the size of the scene
+_THICKNESS = 0.01
+_MARGIN = 0.15
 _CORNERS = np.array(np.meshgrid((0.0, 1.0), (0.0, 1.0), (0.0, 1.0))).reshape(3, -1).T
 
 
@@ -281,9 +284,12 @@ def collision_bodies(
 
 def _slab(space: HalfSpace, low: Array, high: Array) -> Surface:
     """Get a thin plate behind the plane of a half-space, below or beside the box of the scene."""
-    point, turn = np.array(space.point), turn_to(np.array(space.normal))
+    point = np.array(space.point)
+    turn = turn_to(np.array(space.normal))
     corners = (low + _CORNERS * (high - low) - point) @ turn
     size = float(np.max(high - low))
-    least, most = corners.min(axis=0) - _MARGIN * size, corners.max(axis=0) + _MARGIN * size
-    least[2], most[2] = -_THICKNESS * size, 0.0
+    least = corners.min(axis=0) - _MARGIN * size
+    most = corners.max(axis=0) + _MARGIN * size
+    least[2] = -_THICKNESS * size
+    most[2] = 0.0
     return moved(box((most - least) / 2.0), turn, point + turn @ (least + most) / 2.0)

@@ -125,7 +125,8 @@ class Viewer:
         return path
 
     def _repr_html_(self) -> str:
-        page, title = _ascii(self.html()), _ascii(plain_text(self.playback.title))
+        page = _ascii(self.html())
+        title = _ascii(plain_text(self.playback.title))
         style = f"border: 0; height: {self.height or _HEIGHT}px; width: 100%"
         # In a sandbox, its scripts cannot reach the notebook.
         allowed = 'sandbox="allow-scripts" allow="fullscreen"'

@@ -92,7 +92,8 @@ def hand_speeds(robot: Model, q: Array, v: Array) -> Array:
 @lru_cache(maxsize=16)
 def hand_velocity(robot: Model) -> ca.Function:
     """Return (q, v) -> J(q) v, the stacked velocities of the h hands (3 h,) [m/s]."""
-    q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
+    q = ca.SX.sym("q", robot.dof)
+    v = ca.SX.sym("v", robot.dof)
     places = robot.stacked_poses(robot.hands, q)[1]
     return ca.Function("velocity", [q, v], [ca.jtimes(places, q, v)])
 
@@ -113,7 +114,9 @@ class KnotStates:
 INSIDE = 1e-5  # how far inside the limits a program stays, relative
 
 _SPACING = 0.04  # of knots [s]
-_LEAST, _MOST = 4, 360  # pieces of an interval, and about as many of all intervals together
+# pieces of an interval, and about as many of all intervals together
+_LEAST = 4
+_MOST = 360
 SAME = 1e-6  # edges of two arms that are no further apart [s] are one
 
 
@@ -258,7 +261,8 @@ class Course:
         """
         # Knots are evenly spaced in an interval however long it takes.
         time = self.knots.edges[0] + self.knots.times(self.knots.person)
-        own, edges = self.path_of, self.arm.edges
+        own = self.path_of
+        edges = self.arm.edges
         unit = np.clip((time - edges[own]) / np.diff(edges)[own], 0.0, 1.0)
         first, last = self._slopes(rest, stops)[own].T
         # The cubic Hermite polynomial from 0 to 1.
@@ -274,7 +278,8 @@ class Course:
         """
         if self.arm.progress is None:
             return None
-        time, own = self.knots.edges[0] + self.knots.times(self.knots.person), self.path_of
+        time = self.knots.edges[0] + self.knots.times(self.knots.person)
+        own = self.path_of
         upto, ends = (np.interp(each, *self.arm.progress) for each in (time, self.arm.edges))
         positions, _, along, squares = self._along(
             np.clip((upto - ends[own]) / np.diff(ends)[own], 0.0, 1.0)
@@ -299,7 +304,8 @@ class Course:
         s = np.zeros(len(positions))
         grid = np.linspace(0.0, 1.0, _SAMPLES)
         for path, (first, last) in zip(self.arm.paths, pairwise(self.at), strict=True):
-            inner, samples = slice(first + 1, last), path(grid)
+            inner = slice(first + 1, last)
+            samples = path(grid)
             factor = np.linalg.cholesky(self._metrics(samples[_SAMPLES // 2, None])[0])
             found = cdist(positions[inner] @ factor, samples @ factor).argmin(axis=1)
             s[inner] = np.maximum.accumulate(grid[found])
@@ -353,7 +359,8 @@ class Course:
     def _cosine(self, before: Path, after: Path) -> float:
         """Return the cosine of the angle between successive paths in the metric, at least zero."""
         metric = self.arm.robot.mass_matrix(after(0.0))
-        incoming, outgoing = before(1.0, 1), after(0.0, 1)
+        incoming = before(1.0, 1)
+        outgoing = after(0.0, 1)
         norm = np.sqrt((incoming @ metric @ incoming) * (outgoing @ metric @ outgoing))
         return float(max(incoming @ metric @ outgoing / norm, 0.0)) if norm > 0.0 else 0.0
 
@@ -386,14 +393,18 @@ class JointSpline(ShortRepr):
     @cached_property
     def extreme_velocities(self) -> Array:
         """Largest magnitudes of the velocities in every piece, (k, n)."""
-        a, b = 3.0 * self.curve.c[0], self.curve.c[1]  # of a t^2 + 2 b t + c
+        # of a t^2 + 2 b t + c
+        a = 3.0 * self.curve.c[0]
+        b = self.curve.c[1]
         low, high = self._extremes(self.curve.derivative().c, [-_ratio(b, a)])
         return np.maximum(np.abs(low), np.abs(high))
 
     @cached_property
     def extreme_positions(self) -> tuple[Array, Array]:
         """Smallest and largest positions in every piece, (k, n) each."""
-        a, b, c = 3.0 * self.curve.c[0], self.curve.c[1], self.curve.c[2]
+        a = 3.0 * self.curve.c[0]
+        b = self.curve.c[1]
+        c = self.curve.c[2]
         # Roots of the velocity a t^2 + 2 b t + c, in the form that does not cancel.
         both = -(b + np.copysign(np.sqrt(np.maximum(b**2 - a * c, 0.0)), b))
         return self._extremes(self.curve.c, [_ratio(both, a), _ratio(c, both)])
@@ -406,7 +417,9 @@ class JointSpline(ShortRepr):
         return np.min(values, axis=0), np.max(values, axis=0)
 
 
-_ROUNDS, _AT_MOST = 8, 1.5  # how often time is stretched, and by how much at once
+# how often time is stretched, and by how much at once
+_ROUNDS = 8
+_AT_MOST = 1.5
 _CORNERS = 3.0  # times the limit that accelerations may have in corners, which will be rounded
 
 

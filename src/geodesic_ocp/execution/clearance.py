@@ -100,7 +100,8 @@ class Clearance(ShortRepr):
 
         names = tuple(self.names[k] for k in indices)
         parts = tuple(self.parts[k] for k in indices) if self.parts else ()
-        known, lower = None if self.exact is None else exact, self.lower[list(indices)]
+        known = None if self.exact is None else exact
+        lower = self.lower[list(indices)]
         return Clearance(self.row(*indices), lower, names, known, closer, parts)
 
     def part(self, index: int) -> DistancePart:
@@ -108,7 +109,8 @@ class Clearance(ShortRepr):
         known = self.parts[index] if self.parts else None
         if known is not None:
             return known
-        columns, levers = tuple(range(self.dof)), np.full(self.dof, np.inf)
+        columns = tuple(range(self.dof))
+        levers = np.full(self.dof, np.inf)
         return DistancePart(self.row(index), columns, np.zeros(0), levers)
 
 
@@ -288,7 +290,8 @@ def _between_joints(
         one, other: index of the arm, of the joint in it, and number of points of the segment: one
             of a ball, two of a capsule.
     """
-    q, supports = ca.SX.sym("q", placed.dof), []
+    q = ca.SX.sym("q", placed.dof)
+    supports = []
     for arm, joint, _ in (one, other):
         supports.append([(arm, each) for each in list(placed.models[arm].pin.supports[joint])[1:]])
     common = set(supports[0]) & set(supports[1])
@@ -297,12 +300,17 @@ def _between_joints(
         arm: joint_placements(placed.models[arm].pin, q[first[arm] : first[arm + 1]])
         for arm in {one[0], other[0]}
     }
-    segments, symbols, columns = [], [], dict[int, Array]()
+    segments = []
+    symbols = []
+    columns = dict[int, Array]()
     for side, ((arm, _, count), chain) in enumerate(zip((one, other), supports, strict=True)):
-        model, length = placed.models[arm], np.eye(3)[side]
+        model = placed.models[arm]
+        length = np.eye(3)[side]
         for _, joint in reversed([each for each in chain if each not in common]):
-            twist, column = motion_subspace(model.pin, joint), model.pin.joints[joint].idx_v
-            slide, turn = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+            twist = motion_subspace(model.pin, joint)
+            column = model.pin.joints[joint].idx_v
+            slide = np.linalg.norm(twist[:3])
+            turn = np.linalg.norm(twist[3:])
             columns[int(first[arm]) + column] = turn * length + slide * np.eye(3)[2]
             far = float(np.linalg.norm(model.pin.jointPlacements[joint].translation))
             if slide > 0.0:
@@ -318,7 +326,8 @@ def _between_joints(
         ends = ca.horzsplit(symbols[-1])
         capsule: Any = Capsule(ends[0], ends[-1], 1.0)  # type: ignore[arg-type]
         segments.append(line_segment(capsule, at.rotation, at.translation))
-    radii, some = ca.SX.sym("r"), tuple(sorted(columns))
+    radii = ca.SX.sym("r")
+    some = tuple(sorted(columns))
     numbers = ca.vertcat(*map(ca.vec, symbols), radii)
     apart = segment_distance(*segments) - radii
     function = ca.Function("distance", [q[list(some)], numbers], [apart])
@@ -419,13 +428,17 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float | Array = 0.0)
     distances = clearance.at(points).T
     least = clearance.lower + margin
     rows, samples = np.nonzero(distances < least[:, None])
-    lower, found = least[rows], distances[rows, samples]
+    lower = least[rows]
+    found = distances[rows, samples]
     if clearance.exact is not None:
         places = zip(samples.tolist(), rows.tolist(), lower.tolist(), strict=True)
         apart = np.array([_exact_below(clearance, points[k], row, most) for k, row, most in places])
         close = apart < lower
         lower = lower - np.where(apart > 0.0, apart - found, 0.0)
-        samples, rows, lower, found = samples[close], rows[close], lower[close], found[close]
+        samples = samples[close]
+        rows = rows[close]
+        lower = lower[close]
+        found = found[close]
     return ActiveRows(samples, rows, lower, lower - found)
 
 
@@ -447,7 +460,8 @@ def largest_lacks(clearance: Clearance, q: ArrayLike, enough: float = np.inf) ->
         for row in np.argsort(-own).tolist():
             if own[row] <= found[k] or found[k] > enough:
                 break  # capsules lack no less than the links
-            amount, least = own[row], clearance.lower[row]
+            amount = own[row]
+            least = clearance.lower[row]
             if clearance.exact is not None:
                 apart = _exact_below(clearance, point, row, max(0.0, least - found[k]))
                 amount = least - apart if apart > 0.0 else amount
@@ -487,7 +501,8 @@ def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.i
                 continue
             exact = clearance.exact(q[sample], row)
             if exact < least[row]:
-                least[row], samples[row] = exact, sample
+                least[row] = exact
+                samples[row] = sample
             farther |= part.moved(q, q[sample]) <= exact - least[row]
         smallest = min(smallest, least[row])
     return least, samples

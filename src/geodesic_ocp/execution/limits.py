@@ -229,10 +229,12 @@ def joint_limits(
         in_it = np.array(in_file.get(name, none))
         ways.append(("file of the model", np.where(in_it < NO_LIMIT, in_it, 0.0)))
         ways.append((str(file), in_moveit.get(name, none)))
-        values, origins = np.full(model.dof, np.inf), [_UNKNOWN] * model.dof
+        values = np.full(model.dof, np.inf)
+        origins = [_UNKNOWN] * model.dof
         for origin, numbers in ways:
             for k in np.flatnonzero(numbers > 0.0).tolist():
-                values[k], origins[k] = numbers[k], origin
+                values[k] = numbers[k]
+                origins[k] = origin
         for k, entry in _by_joint(name, value, model).items():
             label = f"{name} of {model.joint_names[k]}"
             values[k], origins[k] = _given(label, entry, values[k], origins[k])
@@ -241,9 +243,11 @@ def joint_limits(
             unknown = tuple(joint for joint, origin in named if origin == _UNKNOWN)
         found[name] = values
         sources[name] = _summary(origins, model.joint_names)
-    fastest, sources["hand_speed"] = np.inf, "not limited"
+    fastest = np.inf
+    sources["hand_speed"] = "not limited"
     if known and known.hand_speed is not None:
-        fastest, sources["hand_speed"] = known.hand_speed, known.source
+        fastest = known.hand_speed
+        sources["hand_speed"] = known.source
     if hand_speed is not None:
         fastest, sources["hand_speed"] = _given(
             "hand_speed", hand_speed, fastest, sources["hand_speed"]
@@ -272,7 +276,8 @@ def within_ranges(
         ValueError: an unknown joint, no share, or a range with nothing in common with the model's.
     """
     with naming(joint_limits=file):
-        lower, upper = model.lower.copy(), model.upper.copy()
+        lower = model.lower.copy()
+        upper = model.upper.copy()
         for k, stated in ({} if file is None else _in_moveit(Path(file), model)).items():
             if stated.get("has_position_limits"):
                 low, high = (
@@ -285,9 +290,11 @@ def within_ranges(
                 raise ValueError(
                     f"position must be a share of the range such as 90%, got {entry!r}"
                 )
-            middle, range_of = (lower[k] + upper[k]) / 2.0, f"range of {model.joint_names[k]}"
+            middle = (lower[k] + upper[k]) / 2.0
+            range_of = f"range of {model.joint_names[k]}"
             half, _ = _given("position", entry, (upper[k] - lower[k]) / 2.0, range_of)
-            lower[k], upper[k] = middle - half, middle + half
+            lower[k] = middle - half
+            upper[k] = middle + half
         return model.with_limits(lower, upper)
 
 

@@ -29,8 +29,13 @@ from geodesic_ocp.model.model import Model
 
 Pair = tuple[str, str]
 MARGIN = 0.01  # [m]
-_SAMPLES, _MORE_SAMPLES = 256, 2048  # configurations within the limits; the latter for an excess
-_ALWAYS, _SOME, _MANY = 0.95, 0.05, 0.25  # shares of the sampled configurations
+# configurations within the limits; the latter for an excess
+_SAMPLES = 256
+_MORE_SAMPLES = 2048
+# shares of the sampled configurations
+_ALWAYS = 0.95
+_SOME = 0.05
+_MANY = 0.25
 _KEPT = 0.75  # of an excess, as no sample is the worst case
 _ENOUGH = 8  # close ones, for an excess
 _SAME = 1e-9  # [m]: rounding
@@ -121,7 +126,8 @@ def link_pairs(
     poses = placed.joint_poses(sampled_configurations(models, _SAMPLES))
     many = cache(lambda: placed.joint_poses(sampled_configurations(models, _MORE_SAMPLES)))
     kept: dict[str, dict[Pair, float]] = {"constrained": {}, "exact_only": {}, "in_contact": {}}
-    exempt, reaches = dict[Pair, str](), dict[Pair, float]()
+    exempt = dict[Pair, str]()
+    reaches = dict[Pair, float]()
     for one, other in combinations(placed.solids, 2):
         if not _can_meet(one, other, placed.placed):
             continue
@@ -278,7 +284,8 @@ class PlacedSolid:
 
     def posed(self, poses: Sequence[Pose], sample: int) -> tuple[LinkSolid, Pose]:
         """Return the link with the pose of the joint that carries it, at one sample."""
-        joint, (rotations, positions) = self.solid.joint, poses[self.arm]
+        joint = self.solid.joint
+        (rotations, positions) = poses[self.arm]
         return self.solid, (rotations[sample, joint], positions[sample, joint])
 
 
@@ -394,7 +401,8 @@ def _is_one_robot(
     places: dict[str, list[Array]] = {}
     for arm, solid in found:
         if solid.joint == 0:
-            (base, origin), own = bases[arm], solid.at_joint
+            (base, origin) = bases[arm]
+            own = solid.at_joint
             place = np.column_stack([base @ own.rotation, base @ own.translation + origin])
             places.setdefault(solid.link, []).append(place)
     shared = [each for each in places.values() if len(each) == len(models)]

@@ -137,7 +137,8 @@ def motion_measures(
     Raises:
         ValueError: uneven samples, or arrays of another shape.
     """
-    rate, count = trajectory.rate, len(trajectory.time)
+    rate = trajectory.rate
+    count = len(trajectory.time)
     if rate is None:
         raise ValueError("trajectory must be sampled evenly; see JointTrajectory.at_rate")
     rotations, positions = targets
@@ -146,7 +147,9 @@ def motion_measures(
             f"targets must be rotations ({count}, 3, 3) and positions ({count}, 3), got shapes "
             f"{rotations.shape} and {positions.shape}"
         )
-    q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    q = trajectory.positions
+    v = trajectory.velocities
+    a = trajectory.accelerations
     poses = robot.hand_pose(q)
     distance, angle = pose_differences(poses, targets)
     hand_speed = np.linalg.norm(np.gradient(poses[1], axis=0), axis=1) * rate
@@ -173,7 +176,9 @@ def motion_measures(
 
 def measures_table(measures: Mapping[str, MotionMeasures]) -> DataFrame:
     """Return one row for each motion by its name."""
-    rows, rare = [], ("torque_rate", "hand_speed")  # few robots have these limits
+    # few robots have these limits
+    rows = []
+    rare = ("torque_rate", "hand_speed")
     some = [kind for kind in rare if any(each.usage[kind] for each in measures.values())]
     kinds = [*QUANTITIES[:4], *some]
     for name, each in measures.items():
@@ -239,7 +244,8 @@ def compare_with_tracking(
     Raises:
         ValueError: uneven samples, or arguments of the wrong shape.
     """
-    rate, time = trajectory.rate, np.array(recorded, dtype=float)
+    rate = trajectory.rate
+    time = np.array(recorded, dtype=float)
     if rate is None or time.shape != trajectory.time.shape:
         raise ValueError(
             f"trajectory must be sampled evenly, and recorded have shape {trajectory.time.shape}, "
@@ -265,7 +271,11 @@ def compare_with_tracking(
             return tracked_poses(np.interp(instants, *clock))
 
         tracked = track_within_limits(
-            *(robot, begin, clock[0], in_time, limits),
+            robot,
+            begin,
+            clock[0],
+            in_time,
+            limits,
             rate=rate,
             turning=turning,
             placing=placing,

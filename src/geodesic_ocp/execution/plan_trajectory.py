@@ -45,12 +45,15 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
         raise ValueError("arms must be at least one, got none")
     for number, arm in enumerate(arms):
         name = f"arms[{number}]"
-        edges, count, dof = np.asarray(arm.edges, dtype=float), len(arm.paths), arm.robot.dof
+        edges = np.asarray(arm.edges, dtype=float)
+        count = len(arm.paths)
+        dof = arm.robot.dof
         if edges.shape != (count + 1,) or not count or not np.all(np.diff(edges) > 0):
             raise ValueError(
                 f"{name}.edges must be {count + 1} increasing times for {count} paths, got {edges}"
             )
-        first, last = arms[0].edges[0], arms[0].edges[-1]
+        first = arms[0].edges[0]
+        last = arms[0].edges[-1]
         if abs(edges[0] - first) > SAME or abs(edges[-1] - last) > SAME:
             raise ValueError(
                 f"all arms must begin and end at the same times: {name} from {edges[0]:.6g} to "
@@ -69,7 +72,8 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
 
 def _check_ends(name: str, arm: ArmPaths) -> None:
     """Check that paths meet within the limits, where the arm can be held against gravity."""
-    robot, ends = arm.robot, arm.ends
+    robot = arm.robot
+    ends = arm.ends
     for number, (before, after) in enumerate(pairwise(arm.paths), 1):
         gap = float(np.abs(before(1.0) - after(0.0)).max())
         if gap > _MEET:
@@ -101,7 +105,8 @@ def attainable(arms: Sequence[ArmPaths], clearance: Clearance) -> tuple[Clearanc
     """Return the clearance without the distances that the ends of the paths violate, and a sentence
     on these.
     """
-    lower, sentence = clearance.lower.copy(), ""
+    lower = clearance.lower.copy()
+    sentence = ""
     for instant in arms[0].edges:
         # Configurations of all arms are given together only where paths of all of them end.
         gaps = [np.abs(arm.edges - instant) for arm in arms]
@@ -338,7 +343,8 @@ def plan_trajectory(
     if found.success:
         found = slowed(found, slower_between(found.checks, 1.0 / rate, bool(rest)))
     knots = found.program.knots
-    times, sizes = knots.times(found.states.durations), [len(each.names) for each in clearances]
+    times = knots.times(found.states.durations)
+    sizes = [len(each.names) for each in clearances]
     least = np.split(found.distances.min(axis=(0, 1)), np.cumsum(sizes)[:-1])
     planned = PlannedTrajectory(
         arms=arms,

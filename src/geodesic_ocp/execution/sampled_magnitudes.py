@@ -182,7 +182,8 @@ class SampledJoints:
 
     def _padded(self, source: int, count: int) -> tuple[Array, Array]:
         """Return times and values with so many rows before and after, at rest."""
-        time, values = self.trajectory.time, self.values(source)
+        time = self.trajectory.time
+        values = self.values(source)
         if len(time) < 2:
             return time, values
         rows = np.arange(1.0, count + 1.0)

@@ -137,7 +137,9 @@ def _base_rotation(found: SimulatedRobot, model: Model) -> Array:
 
     Found from the orientation of the hand, if the file has it; otherwise they are the same.
     """
-    mujoco, native, data = found.mujoco, found.model, found.mujoco.MjData(found.model)
+    mujoco = found.mujoco
+    native = found.model
+    data = found.mujoco.MjData(found.model)
     kinds = {"site_xmat": mujoco.mjtObj.mjOBJ_SITE, "xmat": mujoco.mjtObj.mjOBJ_BODY}
     ids = {rows: mujoco.mj_name2id(native, kind, model.hand) for rows, kind in kinds.items()}
     rows = next((rows for rows, number in ids.items() if number >= 0), None)
@@ -180,7 +182,9 @@ def make_controller(
         known = " or ".join(repr(name) for name in get_args(Controller))
         raise ValueError(f"controller must be {known}, got {kind!r}")
     robot = simulated_robot(model.with_bodies(), model, gravity)
-    mujoco, native, data = robot.mujoco, robot.model, robot.mujoco.MjData(robot.model)
+    mujoco = robot.mujoco
+    native = robot.model
+    data = robot.mujoco.MjData(robot.model)
     native.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
     def inverse_dynamics(q: Array, v: Array, a: Array) -> Array:
@@ -190,7 +194,8 @@ def make_controller(
         mujoco.mj_inverse(native, data)
         return np.array(data.qfrc_inverse[robot.velocities])
 
-    omega, still = 2.0 * np.pi * frequency, np.zeros(model.dof)
+    omega = 2.0 * np.pi * frequency
+    still = np.zeros(model.dof)
     rows = np.unique(np.linspace(0, len(postures) - 1, _POSTURES).astype(int))
     weights = np.max([np.diag(model.mass_matrix(q)) for q in postures[rows]], axis=0)
 
@@ -220,13 +225,16 @@ def simulate(
     Raises:
         IntegrationFailed: the motion diverges; says when.
     """
-    mujoco, native, data = robot.mujoco, robot.model, robot.mujoco.MjData(robot.model)
+    mujoco = robot.mujoco
+    native = robot.model
+    data = robot.mujoco.MjData(robot.model)
     data.qpos[robot.positions] = reference.positions[0]
     data.qvel[robot.velocities] = reference.velocities[0]
     q, v, torques = (np.empty_like(reference.positions) for _ in range(3))
     samples = zip(reference.positions, reference.velocities, reference.accelerations, strict=True)
     for k, sample in enumerate(samples):
-        q[k], v[k] = data.qpos[robot.positions], data.qvel[robot.velocities]
+        q[k] = data.qpos[robot.positions]
+        v[k] = data.qvel[robot.velocities]
         torques[k] = np.clip(controller(q[k], v[k], *sample), -largest, largest)
         data.qfrc_applied[robot.velocities] = torques[k]
         if k + 1 < len(q):
@@ -269,7 +277,8 @@ def find_contacts(robot: SimulatedRobot, postures: Array) -> tuple[Contact, ...]
 
     Neighbours in the chain are left out, as MuJoCo does, and pairs that the file excludes.
     """
-    mujoco, native = robot.mujoco, copy(robot.model)
+    mujoco = robot.mujoco
+    native = copy(robot.model)
     native.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     data = mujoco.MjData(native)
     depths: dict[tuple[str, ...], list[float]] = defaultdict(list)  # deepest one of each posture

@@ -25,7 +25,9 @@ _LONGEST = 90  # steps of a stop
 _BEST = 2  # stops between which and the known one a share of the step is sought
 _LESS = 0.9, 0.5  # of that share, as torques are not quite linear
 _HELD = 0.1  # share of the torque that is counted on where holding the arm takes the rest
-_SUMS, _ROUNDING = 1e-11, 1e-9  # left to the rounding of sums, and of limits
+# left to the rounding of sums, and of limits
+_SUMS = 1e-11
+_ROUNDING = 1e-9
 _UNLIMITED = 1e9
 
 
@@ -55,14 +57,17 @@ class Averages:
         """Return positions, velocities and accelerations (c, k, n) of the command after each of
         the steps that follow, at speeds (c, k, n). Between them its jerk is constant.
         """
-        h, count = self.step, self.count
+        h = self.step
+        count = self.count
         past = np.broadcast_to(self.past, (len(speeds), *self.past.shape))
         every = np.concatenate([past, speeds], axis=1)
-        first, last = every[:, 1:-count], every[:, count + 1 :]
+        first = every[:, 1:-count]
+        last = every[:, count + 1 :]
         sums = np.cumsum(every, axis=1)
         sums = sums[:, count + 1 :] - sums[:, : -count - 1]
         # The first average, over a step, has these speeds at the ends of the steps.
-        v, a = (sums - (first + last) / 2.0) / count, (last - first) / (h * count)
+        v = (sums - (first + last) / 2.0) / count
+        a = (last - first) / (h * count)
         v_before, a_before = (
             np.concatenate([np.broadcast_to(now, (len(each), 1, now.size)), each[:, :-1]], axis=1)
             for now, each in ((self.velocity, v), (self.acceleration, a))
@@ -124,7 +129,9 @@ class Stops:
         exceeds its range, speed or acceleration, or takes too long, it has the softest that does
         not, or a mixture of the hardest and of the stop (k, n) that is known.
         """
-        limits, h, still = self.limits, sent.step, np.zeros_like(q)
+        limits = self.limits
+        h = sent.step
+        still = np.zeros_like(q)
         inertia = np.diag(self.model.mass_matrix(q))
         held = np.abs(self.model.inverse_dynamics(q, still, still, self.gravity))
         free = np.maximum(limits.torque - held, _HELD * limits.torque)
@@ -132,11 +139,13 @@ class Stops:
         largest = np.minimum(np.minimum(limits.acceleration, free / inertia), _UNLIMITED)
         begun = (speeds - sent.past[-1]) / h
         away = np.where(speeds + begun * np.abs(begun) / (2.0 * rate) < 0.0, -1.0, 1.0)
-        v, a = away * speeds, away * begun
+        v = away * speeds
+        a = away * begun
         # Braking: from a to -b, at -b, and from there to zero.
         b = np.sqrt(np.maximum(rate * v + a**2 / 2.0, 0.0))
         b = np.minimum(b, np.maximum((1.0 - _ROUNDING) * np.outer(_SHARES, largest), -a))
-        first, last = (a + b) / rate, b / rate
+        first = (a + b) / rate
+        last = b / rate
         lower = v + (a**2 - b**2) / (2.0 * rate)  # speed where the acceleration becomes -b
         middle = np.maximum(lower - b * last / 2.0, 0.0) / np.maximum(b, _ROUNDING)
         end = first + middle + last
@@ -181,7 +190,9 @@ class Stops:
         """Return what is left of each limit (c, k, m) at speeds (c, k, n) from q on, until the
         command is at rest.
         """
-        limits, h, model = self.limits, sent.step, self.model
+        limits = self.limits
+        h = sent.step
+        model = self.model
         steps = np.arange(speeds.shape[1])
         last = np.max(steps * np.any(speeds != 0.0, axis=2), axis=1)
         some = steps <= last[:, None] + sent.count + 1
@@ -206,5 +217,6 @@ class Stops:
 
 def _share(here: Array, there: Array) -> Array:
     """Return how far from here to there what is left of limits is not negative, if linear."""
-    here, short = np.clip(here, 0.0, _UNLIMITED), np.maximum(-there, 0.0)
+    here = np.clip(here, 0.0, _UNLIMITED)
+    short = np.maximum(-there, 0.0)
     return np.asarray(1.0 - short / np.maximum(here + short, _ROUNDING))

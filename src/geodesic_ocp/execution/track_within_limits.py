@@ -37,7 +37,8 @@ from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 StepSolver: TypeAlias = Callable[[Array, Array, Array, Array, float, tuple[Array, Array]], Array]
-_GAIN, _DRIFT = 10.0, 1.0  # [1/s], of the pose error, and towards the posture
+_GAIN = 10.0  # [1/s], of the pose error, and towards the posture
+_DRIFT = 1.0  # [1/s], of the pose error, and towards the posture
 _DAMPING = 1e-2  # [m or rad of the hand per unit of a joint]
 _EVEN = 1e-6  # share of a step
 _MANY = 1_000_000  # steps, where the end is not known
@@ -121,7 +122,8 @@ def track_within_limits(
         ValueError: wrong shapes or numbers, a start outside the limits, less than three steps.
     """
     starts = [checked_start(model, each) for each in np.atleast_2d(np.asarray(start, dtype=float))]
-    limits, rate = checked_limits(model, limits), as_positive("rate", rate, "Hz")
+    limits = checked_limits(model, limits)
+    rate = as_positive("rate", rate, "Hz")
     named = tuple(hands) or (model.hand,)
     if not (turning or placing):
         raise ValueError("turning and placing are both False: there is nothing to track")
@@ -158,7 +160,8 @@ def track_within_limits(
         hands=named,
     )
     count = len(velocities)
-    positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
+    positions = np.empty((count + 1, model.dof))
+    speeds = np.zeros((count + 2, model.dof))
     positions[0] = q
     for k in range(count):
         # At rest in the first and in the last step.
@@ -167,7 +170,8 @@ def track_within_limits(
         speeds[k + 1] = tracker.speeds(q, speeds[k], *target, left)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
-    v, a = (speeds[1:] + speeds[:-1]) / 2.0, np.diff(speeds, axis=0) / duration
+    v = (speeds[1:] + speeds[:-1]) / 2.0
+    a = np.diff(speeds, axis=0) / duration
     times = np.arange(count + 1) / rate
     return JointTrajectory(times, positions, v, a, model.joint_names, model.units)
 
@@ -223,9 +227,11 @@ class Tracker:
         """
         hands = self.hands or (self.model.hand,)
         jacobian, way = evaluate(_tracking(self.model, self.rows, hands), q, rotation, position)
-        error, change_cost = way[:, 0], self.smoothing / self.step
+        error = way[:, 0]
+        change_cost = self.smoothing / self.step
         wanted = velocity[list(self.rows)] + min(_GAIN, 1.0 / self.step) * error
-        towards, damped = _DRIFT * (self.preferred - q), _DAMPING**2 + float(error @ error)
+        towards = _DRIFT * (self.preferred - q)
+        damped = _DAMPING**2 + float(error @ error)
         bounds = speed_bounds(self.model, self.limits, self.step, q, previous, left)
         if self.solver is not None:
             found = self.solver(q, wanted, towards, previous, damped, bounds)
@@ -234,7 +240,8 @@ class Tracker:
             hessian = jacobian.T @ jacobian + weight * np.eye(self.model.dof)
             pulled = self.posture_cost * towards + change_cost * previous
             gradient = -(jacobian.T @ wanted + pulled)
-            found, conditions = previous, None
+            found = previous
+            conditions = None
             # Again, as torques are not quite linear in the speeds.
             for _ in range(1 if sent is None else _PASSES):
                 if sent is not None:
@@ -250,7 +257,8 @@ class Tracker:
         assert self.gravity is not None
         previous = sent.past[-1]
         weight, slope = evaluate(_holding(self.model), q, self.gravity)
-        held, limit = np.abs(weight[:, 0]), self.limits.torque
+        held = np.abs(weight[:, 0])
+        limit = self.limits.torque
         usable = usable_torque(limit, held, self.torque_share)
         upper = np.minimum(usable, np.maximum(_HOLDING * limit, held))
         change = self.step * self.limits.torque_rate
@@ -265,7 +273,8 @@ class Tracker:
         some = np.isfinite(limit)  # a joint that is too weak to hold the arm is not led farther
         room = np.maximum(_HOLDING * limit - held, 0.0)[some] / self.step
         found.append((np.sign(weight[some]) * slope[some], np.full_like(room, -np.inf), room))
-        hands, largest = self.hands or (self.model.hand,), self.limits.hand_speed
+        hands = self.hands or (self.model.hand,)
+        largest = self.limits.hand_speed
         moving = self.model.stacked_jacobians(hands, q).reshape(len(hands), 6, -1)[:, :3]
         for jacobian in moving if np.isfinite(largest) else ():
             row = (jacobian @ previous) @ jacobian
@@ -316,8 +325,11 @@ def _targets(
 @lru_cache(maxsize=32)
 def _tracking(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca.Function:
     """Return q, rotations and positions of the targets -> Jacobian, error."""
-    q, size, errors = ca.SX.sym("q", model.dof), 3 * len(hands), []
-    rotation, position = ca.SX.sym("R", size, 3), ca.SX.sym("p", size)
+    q = ca.SX.sym("q", model.dof)
+    size = 3 * len(hands)
+    errors = []
+    rotation = ca.SX.sym("R", size, 3)
+    position = ca.SX.sym("p", size)
     for number, hand in enumerate(hands):
         own = slice(3 * number, 3 * number + 3)
         here, at = model.frame_pose(hand, q)
@@ -331,7 +343,8 @@ def _tracking(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca
 @lru_cache(maxsize=32)
 def _holding(model: Model) -> ca.Function:
     """Return q, gravity -> torques that hold the arm (n,), and their derivatives by q (n, n)."""
-    q, gravity = ca.SX.sym("q", model.dof), ca.SX.sym("g", 3)
+    q = ca.SX.sym("q", model.dof)
+    gravity = ca.SX.sym("g", 3)
     held = model.inverse_dynamics(q, ca.SX.zeros(model.dof), ca.SX.zeros(model.dof), gravity)
     return ca.Function("holding", [q, gravity], ca.cse([held, ca.densify(ca.jacobian(held, q))]))
 
@@ -375,7 +388,8 @@ def _braking(room: Array, change: Array, step: float) -> Array:
     """
     room = np.maximum(room, 0.0) / step
     limited = np.isfinite(change) & np.isfinite(room)  # else it may stop at once
-    most, at = np.where(limited, room, 0.0), np.where(limited, change, 1.0)
+    most = np.where(limited, room, 0.0)
+    at = np.where(limited, change, 1.0)
     k = np.floor(np.maximum(np.sqrt(2.0 * np.minimum(most / at, 1e12)) - 1.0, 0.0))
     found = [most / (count + 1.0) + at * count / 2.0 for count in (k, k + 1.0)]
     return np.where(limited, np.minimum(room, np.min(found, axis=0)), room)
@@ -417,7 +431,8 @@ def box_least_squares(
     every = len(rows.matrix)
     # Numbers of hard conditions and of all; at last the hard ones alone, none of them hard.
     for hard, last in dict.fromkeys([(rows.hard, every), (0, rows.hard or every)]):
-        most, least = np.append(upper, rows.upper[:last]), np.append(lower, rows.lower[:last])
+        most = np.append(upper, rows.upper[:last])
+        least = np.append(lower, rows.lower[:last])
         kinds = np.full(count + last, _SOFT, dtype=np.intc)
         kinds[: count + hard] = 0
         problem = hessian, gradient, rows.matrix[:last], most, least, kinds

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _SHOWN = 5
-_COARSE, _FINE = 0.05, 0.01  # accuracy of distances, relative
+# accuracy of distances, relative
+_COARSE = 0.05
+_FINE = 0.01
 _ABSOLUTE = 1e-4  # [m]
 
 
@@ -137,7 +139,8 @@ def trajectory_clearance(
     solids = pairs.solids
     time = None
     if isinstance(trajectory, JointTrajectory):
-        time, trajectory = trajectory.time, trajectory.positions
+        time = trajectory.time
+        trajectory = trajectory.positions
     q = as_configurations("trajectory", trajectory, solids.dof)
     if not len(q):
         raise ValueError("trajectory must have samples, got none")
@@ -174,7 +177,8 @@ def _closest(
         least: distance of other pairs [m].
     """
     rotations, positions, extent = _relative_motion(one, other, poses)
-    best, where = float(np.finfo(float).max), 0
+    best = float(np.finfo(float).max)
+    where = 0
     while best > 0.0:
         enough = max((1.0 - _COARSE) * best, (1.0 - _FINE) * min(best, least))
         sample = int(bounds.argmin())
@@ -182,7 +186,8 @@ def _closest(
             break
         distance = exact_distance_at(one, other, poses, sample)
         if distance < best:
-            best, where = distance, sample
+            best = distance
+            where = sample
         # No point of the link has moved further than this since the sample.
         turned = np.linalg.norm(rotations - rotations[sample], axis=(1, 2)) / np.sqrt(2.0)
         moved = np.linalg.norm(positions - positions[sample], axis=1) + turned * extent

@@ -181,7 +181,9 @@ def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Ar
         None of a kind that was derived, or derived from.
     """
     h = np.diff(trajectory.time)[:, None]
-    q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    q = trajectory.positions
+    v = trajectory.velocities
+    a = trajectory.accelerations
     means = np.diff(a, axis=0) / h
     largest = np.abs(means) + peaks_above(means)
     if "acceleration" in trajectory.derived:

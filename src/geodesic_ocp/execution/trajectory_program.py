@@ -46,7 +46,8 @@ _TOUCHES = 1e-5  # of a position limit [rad or m]
 _UNLIMITED = np.array([[1.0], [1.0], [10.0], [1.0]])  # units of joints without limits
 # Weights of squared accelerations, one at the limit, and of squared differences from the intended
 # speeds at the ends, relative to the limits.
-_SMOOTH, _END_SPEED = 2e-3, 0.1
+_SMOOTH = 2e-3
+_END_SPEED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,8 @@ class ArmTerms(Course):
 
     def bounds(self, rest: bool) -> tuple[Array, Array]:
         """Return bounds of the variables, (knots, 3, n) each."""
-        arm, limits = self.arm, self.arm.limits
+        arm = self.arm
+        limits = self.arm.limits
         upper = np.full((self.knots.count + 1, 3, self.dof), np.inf)
         limited = np.isfinite([limits.velocity, limits.acceleration])
         upper[:, 1:] = np.where(limited, 1.0 - INSIDE, np.inf)
@@ -124,7 +126,8 @@ class ArmTerms(Course):
         Args:
             steps: weights of the squared changes of the accelerations (pieces,).
         """
-        n, knots = self.dof, self.knots
+        n = self.dof
+        knots = self.knots
         piece = np.arange(knots.count)
         columns = [self.indices(piece), self.indices(piece + 1), knots.interval[:, None]]
         upper = np.zeros((knots.count, 2 * n))
@@ -144,7 +147,8 @@ class ArmTerms(Course):
         """
         if kind == "jerk":
             return self._jerks(pairs)
-        (piece, joint), knots = pairs.T, self.knots
+        (piece, joint) = pairs.T
+        knots = self.knots
         first = self.first + 3 * self.dof * piece + joint
         offsets = self.dof * np.arange(6)  # the states of a knot are followed by the next one's
         columns = np.hstack([first[:, None] + offsets, knots.interval[piece][:, None]])
@@ -215,8 +219,11 @@ class ArmTerms(Course):
 
     def end_speeds(self) -> Block:
         """Return squared differences of the velocities at both ends from the person's progress."""
-        n, arm, durations = self.dof, self.arm, np.diff(self.arm.edges)
-        first, last = arm.paths[0](0.0, 1) / durations[0], arm.paths[-1](1.0, 1) / durations[-1]
+        n = self.dof
+        arm = self.arm
+        durations = np.diff(self.arm.edges)
+        first = arm.paths[0](0.0, 1) / durations[0]
+        last = arm.paths[-1](1.0, 1) / durations[-1]
         knots = np.array([0, self.knots.count])
         intended = np.clip(np.array([first, last]) / self.units[1], -0.9, 0.9)
         return Block(_end_speeds(n), self.indices(knots, 2)[:, n:], intended)
@@ -225,15 +232,18 @@ class ArmTerms(Course):
 # Terms of every kind, which robots, recordings and rounds share with their compiled derivatives.
 @lru_cache(maxsize=16)
 def _deviation(n: int) -> Terms:
-    z, p = ca.SX.sym("z", 3 * n), ca.SX.sym("p", n + n * n + 1)
+    z = ca.SX.sym("z", 3 * n)
+    p = ca.SX.sym("p", n + n * n + 1)
     q, _, a = ca.vertsplit(z, n)
-    offset, matrix = q - p[:n], ca.reshape(p[n : n + n * n], n, n)
+    offset = q - p[:n]
+    matrix = ca.reshape(p[n : n + n * n], n, n)
     return Terms(z, p, ca.dot(offset, matrix @ offset) + p[-1] * ca.sumsqr(a))
 
 
 @lru_cache(maxsize=16)
 def _motion(n: int) -> Terms:
-    z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2 + 2 * n)
+    z = ca.SX.sym("z", 6 * n + 1)
+    p = ca.SX.sym("p", 2 + 2 * n)
     q0, v0, a0, q1, v1, a1 = ca.vertsplit(z[:-1], n)
     fraction, step, speed, growth = ca.vertsplit(p, [0, 1, 2, 2 + n, 2 + 2 * n])
     h = fraction * z[-1]
@@ -244,7 +254,8 @@ def _motion(n: int) -> Terms:
 
 @lru_cache(maxsize=1)
 def _jerks() -> Terms:
-    z, p = ca.SX.sym("z", 5), ca.SX.sym("p", 4)
+    z = ca.SX.sym("z", 5)
+    p = ca.SX.sym("p", 4)
     a0, a1, a2, before, after = ca.vertsplit(z)
     first, second, growth, limit = ca.vertsplit(p)
     begin = (a1 - a0) * growth / (first * before * limit)
@@ -264,7 +275,8 @@ def jerks_between(begin: Any, end: Any) -> tuple[Any, Any]:
 
 @lru_cache(maxsize=2)
 def _between_knots(kind: str) -> Terms:
-    z, p = ca.SX.sym("z", 7), ca.SX.sym("p", 3)
+    z = ca.SX.sym("z", 7)
+    p = ca.SX.sym("p", 3)
     q0, v0, a0, q1, v1, _, duration = ca.vertsplit(z)
     fraction, speed, growth = ca.vertsplit(p)
     h = fraction * duration
@@ -277,8 +289,10 @@ def _between_knots(kind: str) -> Terms:
 
 @lru_cache(maxsize=16)
 def _torques(robot: Model, limited: tuple[int, ...]) -> Terms:
-    n, count = robot.dof, len(limited)
-    z, p = ca.SX.sym("z", 3 * n), ca.SX.sym("p", 2 * n + count + 3)
+    n = robot.dof
+    count = len(limited)
+    z = ca.SX.sym("z", 3 * n)
+    p = ca.SX.sym("p", 2 * n + count + 3)
     q, v, a = ca.vertsplit(z, n)
     speed, growth, limit, gravity = ca.vertsplit(p, np.cumsum([0, n, n, count, 3]).tolist())
     force = robot.inverse_dynamics(q, v * speed, a * growth, gravity)
@@ -287,16 +301,20 @@ def _torques(robot: Model, limited: tuple[int, ...]) -> Terms:
 
 @lru_cache(maxsize=16)
 def _torque_rates(robot: Model, limited: tuple[int, ...]) -> Terms:
-    n, torques = robot.dof, _torques(robot, limited)
-    z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 1 + torques.size_p)
+    n = robot.dof
+    torques = _torques(robot, limited)
+    z = ca.SX.sym("z", 6 * n + 1)
+    p = ca.SX.sym("p", 1 + torques.size_p)
     first, last = (torques.value(state, p[1:])[1] for state in ca.vertsplit(z[:-1], 3 * n))
     return Terms(z, p, 0.0, (last - first) / (p[0] * z[-1]))
 
 
 @lru_cache(maxsize=16)
 def _hand_speeds(robot: Model) -> Terms:
-    n, rows = robot.dof, list[ca.SX]()
-    z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2 + 2 * n)
+    n = robot.dof
+    rows = list[ca.SX]()
+    z = ca.SX.sym("z", 6 * n + 1)
+    p = ca.SX.sym("p", 2 + 2 * n)
     q, v, a, _, _, a1 = ca.vertsplit(z[:-1], n)
     fraction, speed, growth, limit = ca.vertsplit(p, [0, 1, 1 + n, 1 + 2 * n, 2 + 2 * n])
     h, v, a, change = fraction * z[-1], v * speed, a * growth, (a1 - a) * growth
@@ -309,13 +327,15 @@ def _hand_speeds(robot: Model) -> Terms:
 
 @lru_cache(maxsize=16)
 def _end_speeds(n: int) -> Terms:
-    v, p = ca.SX.sym("v", n), ca.SX.sym("p", n)
+    v = ca.SX.sym("v", n)
+    p = ca.SX.sym("p", n)
     return Terms(v, p, _END_SPEED * ca.sumsqr(v - p))
 
 
 @lru_cache(maxsize=1)
 def _stretch() -> Terms:
-    duration, p = ca.SX.sym("T"), ca.SX.sym("p", 3)
+    duration = ca.SX.sym("T")
+    p = ca.SX.sym("p", 3)
     more = duration - p[0]
     return Terms(duration, p, p[1] * more + p[2] * more**2)
 
@@ -368,7 +388,9 @@ class Watched:
 _DISTANCE = 0.1  # from the paths [rad] that costs, if kept up, as much as the time it is kept up
 _UNEVEN = 2.0  # of the squared stretch of an interval
 _SHORT = 0.05  # intervals shorter than this [s] may be stretched more
-_JERK, _JERK_TIME = 1e-2, 0.05  # when an acceleration changes by its limit in this time [s]
+# when an acceleration changes by its limit in this time [s]
+_JERK = 1e-2
+_JERK_TIME = 0.05
 _IPOPT = {
     "tol": 1e-6,
     "constr_viol_tol": 1e-9,
@@ -403,7 +425,8 @@ class TrajectoryProgram:
     @cached_property
     def terms(self) -> tuple[ArmTerms, ...]:
         """Terms of the arms."""
-        first, found = self.knots.person.size, []
+        first = self.knots.person.size
+        found = []
         for arm in self.arms:
             found.append(ArmTerms(arm, self.knots, first))
             first = found[-1].last
@@ -424,7 +447,8 @@ class TrajectoryProgram:
             watched: constraints.
             most: number of Ipopt's iterations.
         """
-        x, blocks = self.as_x(start), list(self._blocks(start.durations, references, watched))
+        x = self.as_x(start)
+        blocks = list(self._blocks(start.durations, references, watched))
         options = {**_IPOPT, "max_iter": most}
         return BlockProgram(x.size, blocks).solve(x, self.bounds, options)
 
@@ -435,7 +459,8 @@ class TrajectoryProgram:
 
         Integrals are by the trapezoidal rule over durations (m,).
         """
-        total, steps = float(self.knots.person.sum()), self.knots.steps(durations)
+        total = float(self.knots.person.sum())
+        steps = self.knots.steps(durations)
         shares = np.convolve(steps, [0.5, 0.5]) / total
         distance = self.deviation_weight / _DISTANCE**2
         jerk = _JERK * _JERK_TIME**2 / (total * steps)
@@ -457,8 +482,11 @@ class TrajectoryProgram:
             values = np.tile(part.numbers, (knots.size, 1))
             lower = watched.distances[knots, index, None]
             yield Block(
-                *(_distance(part.function), every[:, part.columns], values),
-                *(lower, np.full_like(lower, np.inf)),
+                _distance(part.function),
+                every[:, part.columns],
+                values,
+                lower,
+                np.full_like(lower, np.inf),
             )
 
     def _stretch(self, total: float) -> Block:

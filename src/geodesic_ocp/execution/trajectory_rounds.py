@@ -40,7 +40,9 @@ from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.trajectory.interpolation import JERK_OVERSHOOT
 
 TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances
-_SAMPLES, _FEW = 21, 7  # of every piece, both ends included, for torques and for distances
+# of every piece, both ends included, for torques and for distances
+_SAMPLES = 21
+_FEW = 7
 _NEARBY = 0.05  # [m] above its bound at a knot, from which on a distance is computed between knots
 
 
@@ -63,7 +65,9 @@ class ArmCheck:
         Positions count from the ends of their ranges: one and the distance beyond [rad or m].
         Jerks are those of a controller's interpolation around the end of a piece.
         """
-        spline, limits, (lower, upper) = self.spline, self.arm.limits, self.arm.ranges
+        spline = self.spline
+        limits = self.arm.limits
+        (lower, upper) = self.arm.ranges
         low, high = spline.extreme_positions
         beyond = np.maximum(lower - low, high - upper)
         _, _, a, jerk = spline(spline.curve.x)
@@ -82,7 +86,8 @@ class ArmCheck:
 
         Rates of torques are differences of second order; of the hand there is one share.
         """
-        arm, limits = self.arm, self.arm.limits
+        arm = self.arm
+        limits = self.arm.limits
         time = self.spline.within_pieces(_SAMPLES)
         shape = (*time.shape, arm.robot.dof)
         found = {"torque": np.zeros(shape), "torque_rate": np.zeros(shape)}
@@ -126,11 +131,15 @@ class ArmCheck:
 # Shares of the limits, one and [rad] for positions, from which on a limit is enforced as well where
 # it is exceeded elsewhere.
 _NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
-_NEAR_SAMPLED, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
+# a share, and [m]
+_NEAR_SAMPLED = 0.85
+_NEAR_DISTANCE = 0.01
 # Share of the hand's speed from which on its limit is enforced at first; everywhere if most pieces
 # have it.
 _FAST = 0.5
-_MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
+# what lies between knots is corrected by a little more
+_MORE = 1.2
+_ROUNDING = 2e-6
 _NONE: Indices = np.zeros(0, dtype=np.int64)
 
 
@@ -142,12 +151,14 @@ def watched_at_first(program: TrajectoryProgram, states: KnotStates) -> Watched:
         program: program with its knots.
         states: states at the knots to start from.
     """
-    steps, arms = program.knots.steps(states.durations)[:, None], []
+    steps = program.knots.steps(states.durations)[:, None]
+    arms = []
     for terms, (q, v, _) in zip(program.terms, states.arms, strict=True):
         # From rest, the overshoot of a controller's interpolation left out.
         jerk = terms.arm.limits.jerk / (1.0 + JERK_OVERSHOOT)
         slow = np.argwhere(jerk * steps < terms.units[2])
-        least, sampled = _FAST * terms.arm.limits.hand_speed, {}
+        least = _FAST * terms.arm.limits.hand_speed
+        sampled = {}
         if np.isfinite(least):
             fast = hand_speeds(terms.arm.robot, q, v) > least
             (pieces,) = np.nonzero(fast[:-1] | fast[1:])
@@ -183,7 +194,8 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
             continue
         if kind != "torque":  # the program keeps a mean, or the speed at quarters of pieces
             rows = shares.mean(axis=1) if kind == "torque_rate" else shares[:, 5::10].max(axis=1)
-            rows, largest = rows - 1.0, shares.max(axis=1) - 1.0
+            rows = rows - 1.0
+            largest = shares.max(axis=1) - 1.0
             close = np.maximum(rows - _NEAR_SAMPLED + 1.0, largest) > 0.0
             more = _beyond(largest, 0.0, np.maximum(rows, -INSIDE))
         else:
@@ -208,7 +220,8 @@ def _at_knots_of(
         kept: excess that the program allows at knots.
         tolerance: tolerance of values between knots.
     """
-    largest, at_knots = excess.max(axis=1), np.concatenate([excess[:, 0], excess[-1:, -1]])
+    largest = excess.max(axis=1)
+    at_knots = np.concatenate([excess[:, 0], excess[-1:, -1]])
     beyond = largest > tolerance
     ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), kept)
     more = _beyond(largest, tolerance, ends)
@@ -233,7 +246,8 @@ _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once dura
 _SETTLED = 0.005
 # From this round on, a trajectory that exceeds limits by no more than this is slowed down as a
 # whole: in all its rates it is then within them.
-_LATE, _SLIGHTLY = 3, 0.02
+_LATE = 3
+_SLIGHTLY = 0.02
 # The first guess, and others if Ipopt fails from it: time stretched more, stops in corners, and the
 # most iterations. A round takes twenty as a rule: where it takes many, another start is quicker.
 _STARTS = ((1.3, False, 100), (2.0, False, 100), (1.3, True, 400), (3.0, True, 400))
@@ -313,10 +327,12 @@ def _from_start(first: _Start, progress: Callable[[int], object], most: int) -> 
             attempts.append(replace(slowed(found, 1.0 + found.excess), iterations=0))
             if attempts[-1].success:
                 return attempts[-1], None
-        program, states = found.program, found.states
+        program = found.program
+        states = found.states
         fitting = Knots.spaced(program.knots.edges, states.durations)
         if number == 0 and abs(fitting.count / program.knots.count - 1.0) > _OTHER_COUNT:
-            program, time = replace(program, knots=fitting), fitting.times(states.durations)
+            program = replace(program, knots=fitting)
+            time = fitting.times(states.durations)
             splines = (np.array(check.spline(time)[:3]) for check in found.checks)
             states = KnotStates(states.durations, tuple(splines))
             watched = watched_at_first(program, states)
@@ -358,7 +374,8 @@ def _checked(
     """Return the attempt with these states at the knots, checked densely."""
     clearance = program.clearance
     # Splines have none of the rounding that the program's equations leave at the knots.
-    time, checks = program.knots.times(states.durations), []
+    time = program.knots.times(states.durations)
+    checks = []
     for arm, (q, v, _) in zip(program.arms, states.arms, strict=True):
         curve = CubicSpline(time, q, bc_type=((1, v[0]), (1, v[-1])))
         checks.append(ArmCheck(arm, JointSpline(curve)))
@@ -373,8 +390,16 @@ def _checked(
     if excess > TOLERANCE:
         status = f"{outcome.status}; {worst} by {excess:.2g}"
     return TrajectoryAttempt(
-        *(program, states, watched, tuple(checks), distances, excess, change),
-        *(outcome, status, outcome.iterations),
+        program,
+        states,
+        watched,
+        tuple(checks),
+        distances,
+        excess,
+        change,
+        outcome,
+        status,
+        outcome.iterations,
     )
 
 
@@ -390,7 +415,8 @@ def _distances(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
     times = splines[0].within_pieces(_FEW)
     knots = at(clearance.function, np.append(times[:, 0], times[-1, -1]))
     found = np.full((*times.shape, len(clearance.names)), np.inf)
-    found[:, 0], found[:, -1] = knots[:-1], knots[1:]
+    found[:, 0] = knots[:-1]
+    found[:, -1] = knots[1:]
     near = np.flatnonzero(np.any(knots < clearance.lower + _NEARBY, axis=0)).tolist()
     if near:
         found[:, 1:-1, near] = at(clearance.row(*near), times[:, 1:-1])
@@ -405,7 +431,9 @@ def _first_guess(coarse: TrajectoryProgram, more: float, stops: bool) -> _Start:
         more: by which time is stretched further.
         stops: whether the arms stop in corners.
     """
-    arms, rest, edges = coarse.arms, coarse.rest, coarse.knots.edges
+    arms = coarse.arms
+    rest = coarse.rest
+    edges = coarse.knots.edges
     references = [terms.as_recorded(rest, stops) for terms in coarse.terms]
     durations = stretched(arms, references, coarse.knots, rest)
     program = replace(coarse, knots=Knots.spaced(edges, durations, _COARSE))

@@ -159,7 +159,8 @@ def fit_cost(
         ValueError: wrong costs, recordings or segments.
         NotConverged: Ipopt did not find a solution.
     """
-    chosen, known = tuple(costs), get_args(Cost)
+    chosen = tuple(costs)
+    known = get_args(Cost)
     if len(set(chosen)) < max(2, len(chosen)) or not set(chosen) <= set(known):
         raise ValueError(f"costs must be two or more of {', '.join(known)}, got {costs!r}")
     if metric is not None and not callable(metric):
@@ -167,12 +168,19 @@ def fit_cost(
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
     family = metric or (lambda model: as_analysis_metric(None, model))
-    report, k = progress or no_progress, len(chosen)
+    report = progress or no_progress
+    k = len(chosen)
     theta = ca.SX.sym("theta", k)
     parts = observe_all(
-        *(recordings, family, family, theta),
+        recordings,
+        family,
+        family,
+        theta,
         dict(zip(chosen, ca.vertsplit(theta), strict=True)),
-        *(measure, degree, segments, report),
+        measure,
+        degree,
+        segments,
+        report,
     )
     equal = np.full(k, 1.0 / k)
     program = MetricProgram(parts, equal, np.zeros(k), np.ones(k), free_ends, True)
@@ -222,7 +230,8 @@ def bootstrap_cost(
         ValueError: fewer than two units, or a number out of range.
         NotConverged: Ipopt did not find the solution of a resample.
     """
-    units, report = _units(fit.program, by), progress or no_progress
+    units = _units(fit.program, by)
+    report = progress or no_progress
     drawn, tails = resampled(units, by, count, confidence, seed)
     estimates = []
     for number, weights in enumerate(drawn):
@@ -260,10 +269,12 @@ def _certainty(weights: Array, errors: LeastErrors) -> tuple[Array, Array, Array
         return deviations, np.zeros((0, weights.size)), np.zeros(0)
     basis = _tangents(free.size)
     own = errors.of_parameters(free)
-    gradients, hessian = own.gradients @ basis.T, basis @ own.hessians.sum(axis=0) @ basis.T
+    gradients = own.gradients @ basis.T
+    hessian = basis @ own.hessians.sum(axis=0) @ basis.T
     values, axes = np.linalg.eigh(hessian)
     regular = values > _SINGULAR * max(np.abs(values).max(), 1e-300)
-    rest, flat = axes[:, regular], axes[:, ~regular]
+    rest = axes[:, regular]
+    flat = axes[:, ~regular]
     without = np.diag(values[regular]) - rest.T @ (basis @ own.hessians @ basis.T) @ rest
     moved = np.linalg.solve(without, (gradients @ rest)[..., None])[..., 0] @ rest.T
     covariance = (1.0 - 1.0 / len(moved)) * moved.T @ moved

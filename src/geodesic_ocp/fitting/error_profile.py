@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-_RANGE, _COUNT = 10.0, 13
+_RANGE = 10.0
+_COUNT = 13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,7 +113,8 @@ def error_profile(
     if wanted not in names:
         raise ValueError(f"there is no parameter {wanted!r}; there are {', '.join(names)}")
     index = names.index(wanted)
-    parameter, estimate = fit.parameters[index], fit.estimates[index]
+    parameter = fit.parameters[index]
+    estimate = fit.estimates[index]
     if values is None:
         spread = np.geomspace(1.0 / _RANGE, _RANGE, _COUNT)
         smallest = max(parameter.lower, 1e-6 * parameter.start)

@@ -92,7 +92,8 @@ def fit_metric(
         ValueError: wrong parameters, curve or segments, or models of different numbers of joints.
         NotConverged: Ipopt did not find a solution.
     """
-    chosen, report = as_parameters(parameters), progress or no_progress
+    chosen = as_parameters(parameters)
+    report = progress or no_progress
     if not callable(metric):
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
     as_choice("curve", curve, get_args(Curve))
@@ -106,11 +107,15 @@ def fit_metric(
         lambda model: with_parameters(metric(model), chosen, ca.vertsplit(theta)),
         theta,
         {"energy" if curve == "geodesic" else "acceleration": 1.0},
-        *(measure, degree, segments, report),
+        measure,
+        degree,
+        segments,
+        report,
     )
     return solve_program(
         MetricProgram(parts, start, lower, upper, free_ends),
-        *(chosen, metric),
+        chosen,
+        metric,
         report=lambda k: report("fitting the metric: iterations", k, 0),
     )
 

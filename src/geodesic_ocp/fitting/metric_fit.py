@@ -26,7 +26,8 @@ from geodesic_ocp.tables import markdown, new_table
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-FORMAT, _VERSION = "geodesic_ocp metric", 1
+FORMAT = "geodesic_ocp metric"
+_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ class MetricFit:
     family: Callable[[Model], Metric]
 
     def __repr__(self) -> str:
-        count, error = len(self.recordings), float(np.sqrt(np.mean(self.errors**2)))
+        count = len(self.recordings)
+        error = float(np.sqrt(np.mean(self.errors**2)))
         number = f"{count} recording{'s'[: count - 1]}"
         lines = [
             f"MetricFit({', '.join(map(repr, self.estimates))}",

@@ -35,7 +35,10 @@ _NEGLIGIBLE = 1e-3  # relative values much below this one are as zero to the log
 _ACTIVE = 1e-6  # distance from a bound that is active
 _FULFILLED = 1e-6  # conditions, in their units
 _WORSE = 1e-6  # an error that is larger by so much, relative
-_STEPS, _STEP, _LEAST_STEP = 20, 2.0, 0.01  # of parameters from poor initial values, their factor
+# of parameters from poor initial values, their factor
+_STEPS = 20
+_STEP = 2.0
+_LEAST_STEP = 0.01
 _IPOPT = {"tol": 1e-7, "max_iter": 200, "acceptable_iter": 0}
 _WARM = {
     "warm_start_init_point": "yes",
@@ -105,7 +108,8 @@ class MetricProgram(ShortRepr):
     @cached_property
     def program(self) -> BlockProgram:
         """All blocks; the weights of the segments are its parameters."""
-        p, weights = self.size, ca.MX.sym("weights", sum(self.counts))
+        p = self.size
+        weights = ca.MX.sym("weights", sum(self.counts))
         near = Block(_change(), np.arange(p)[:, None], weights=np.full(p, _REGULARIZATION))
         edges = np.cumsum([0, *self.counts]).tolist()
         own = zip(self.parts, self._first, ca.vertsplit(weights, edges), strict=True)
@@ -113,7 +117,9 @@ class MetricProgram(ShortRepr):
         pairs = zip(self.parts, self._first, strict=True)
         equations = [part.equations(first, self.start) for part, first in pairs]
         size = p + self.num_x * sum(self.counts)
-        total, zero, one = _excess_of_shares(p), np.zeros((1, 1)), np.ones((1, p))
+        total = _excess_of_shares(p)
+        zero = np.zeros((1, 1))
+        one = np.ones((1, p))
         shares = Block(
             total, np.arange(p)[None, :], None, zero, zero, None, (0.0 * one, one * self.start)
         )
@@ -149,7 +155,8 @@ class MetricProgram(ShortRepr):
             for each in self._listeners:
                 each(number)
 
-        program, size_p = self.program, sum(self.counts)
+        program = self.program
+        size_p = sum(self.counts)
         return program.solver(options, Relay(program.size, program.size_g, size_p, tell))
 
     @cached_property
@@ -176,7 +183,8 @@ class MetricProgram(ShortRepr):
         lower, upper = np.full((2, sum(self.counts), self.num_x), np.inf)
         lower *= -1.0
         rates = self.num_x - terms.num_rates
-        lower[:, rates:], upper[:, rates:] = 0.0, MAX_END_RATE
+        lower[:, rates:] = 0.0
+        upper[:, rates:] = MAX_END_RATE
         if not self.free_ends:
             ends = np.add.outer(terms.dim * np.array(terms.given), np.arange(terms.dim)).ravel()
             given = self.guess[self.size :].reshape(-1, self.num_x)
@@ -233,12 +241,15 @@ class MetricProgram(ShortRepr):
         known = dict(enumerate((start[: self.size] * self.start).tolist()))
         paths = self.solve(weights, near, known, report)
         for _ in range(_STEPS * paths.success):
-            x0, p = paths.x, slice(self.size)
-            narrow, wide = lower.copy(), upper.copy()
+            x0 = paths.x
+            p = slice(self.size)
+            narrow = lower.copy()
+            wide = upper.copy()
             narrow[p] = np.maximum(lower[p], np.minimum(x0[p] / _STEP, x0[p] - _LEAST_STEP))
             wide[p] = np.minimum(upper[p], np.maximum(x0[p] * _STEP, x0[p] + _LEAST_STEP))
             more = {"lbx": narrow, "ubx": wide, "lam_x0": paths.lam_x, "lam_g0": paths.lam_g}
-            most, paths = paths.objective, tried(self._warm_solver, **more)
+            most = paths.objective
+            paths = tried(self._warm_solver, **more)
             if not paths.success:
                 return paths
             stopped = (narrow > lower) & (paths.x < narrow + _ACTIVE)
@@ -256,7 +267,8 @@ class MetricProgram(ShortRepr):
             return np.concatenate([values[: self.size], rest.ravel()])
 
         lam_g = np.append(self._multipliers(solution)[segments], solution.lam_g[self._equations :])
-        x, lam_x = of_variables(solution.x), of_variables(solution.lam_x)
+        x = of_variables(solution.x)
+        lam_x = of_variables(solution.lam_x)
         return replace(solution, x=x, lam_x=lam_x, lam_g=lam_g)
 
     @property
@@ -273,8 +285,11 @@ class MetricProgram(ShortRepr):
 
         By the implicit function theorem, segment by segment.
         """
-        z, ones = solution.x, np.ones(sum(self.counts))
-        p, m, functions = self.size, self.parts[0].terms.num_equations, self.program.functions
+        z = solution.x
+        ones = np.ones(sum(self.counts))
+        p = self.size
+        m = self.parts[0].terms.num_equations
+        functions = self.program.functions
         factors = self._multipliers(solution)
         jacobian = functions["jac_g"](z, ones)[1].sparse().tocsr()
         upper = functions["hess_lag"](z, ones, 1.0, solution.lam_g).sparse()
@@ -284,12 +299,15 @@ class MetricProgram(ShortRepr):
         gradients = np.zeros((sum(self.counts), p))
         hessians = self._curvatures(z, factors)
         for segment in range(len(gradients)):
-            first, rows = p + segment * self.num_x, slice(segment * m, (segment + 1) * m)
+            first = p + segment * self.num_x
+            rows = slice(segment * m, (segment + 1) * m)
             columns = first + np.flatnonzero(free[first : first + self.num_x])
             equations = jacobian[rows]  # rows first: they are stored together
-            by_theta, by_x = equations[:, :p].toarray(), equations[:, columns].toarray()
+            by_theta = equations[:, :p].toarray()
+            by_x = equations[:, columns].toarray()
             of_segment = hessian[:, columns]
-            block, mixed = of_segment[columns].toarray(), of_segment[:p].toarray()
+            block = of_segment[columns].toarray()
+            mixed = of_segment[:p].toarray()
             kkt = np.block([[block, by_x.T], [by_x, np.zeros((m, m))]])
             right = np.vstack([mixed.T, by_theta])
             hessians[segment] -= right.T @ np.linalg.lstsq(kkt, right, rcond=1e-13)[0]
@@ -305,7 +323,8 @@ class MetricProgram(ShortRepr):
             z: the variables.
             factors: of the equations of each segment, (segments, m).
         """
-        p, found = self.size, []
+        p = self.size
+        found = []
         for k, part in enumerate(self.parts):
             block = part.equations(self._first[k], self.start)
             own = block.of_instances(ca.DM(factors[self.owners == k].ravel()))

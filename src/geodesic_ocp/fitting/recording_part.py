@@ -26,11 +26,14 @@ from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.synergies.uncertainty import Cutting
 
 # Shorter or smaller motions do not determine the shape of a path.
-_MIN_SAMPLES, _MIN_RANGE = 4, 0.05  # [rad or m]
+_MIN_SAMPLES = 4  # [rad or m]
+_MIN_RANGE = 0.05  # [rad or m]
 MAX_END_RATE = 3.0  # of the progress along the path, per duration: up to here it is monotone
 DEVIATION = 0.01  # standard deviation of the error that serves as its unit [rad or m]
 TIME = 0.1  # [s] in which the costs of a mixture are about equal
-_LEAST_DEGREE, _MOST_DEGREE = 5, 14  # beyond, powers of the time are ill-conditioned
+# beyond, powers of the time are ill-conditioned
+_LEAST_DEGREE = 5
+_MOST_DEGREE = 14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,7 +66,8 @@ class RecordingPart(ShortRepr):
             first: index of the first of the variables.
             weights: of the segments, expressions in the program's parameters (count, 1).
         """
-        terms, data = self.terms, self.samples
+        terms = self.terms
+        data = self.samples
         if terms.measure == "position":
             data = terms.model.hand_pose(data)[1]
         places = first + terms.num_x * np.arange(self.count)[:, None] + np.arange(terms.sample.size)
@@ -77,7 +81,8 @@ class RecordingPart(ShortRepr):
         """Get the conditions of stationarity, which also depend on the parameters, in their units
         (p,).
         """
-        terms, points = self.terms, len(self.terms.table)
+        terms = self.terms
+        points = len(self.terms.table)
         nodes = np.arange(terms.dim * terms.num_nodes).reshape(terms.num_nodes, terms.dim)
         indices = first + terms.num_x * np.arange(self.count)[:, None, None] + nodes
         values = np.repeat(np.hstack([self.scales, self.units]), points, axis=0)
@@ -86,8 +91,11 @@ class RecordingPart(ShortRepr):
         size = terms.derivatives.size
         one = np.tile(np.append(np.ones(size - units.size), units), (len(values), 1))
         return Block(
-            *(terms.derivatives, Cells(indices, terms.table, tuple(range(units.size)))),
-            *(values, zero, zero),
+            terms.derivatives,
+            Cells(indices, terms.table, tuple(range(units.size))),
+            values,
+            zero,
+            zero,
             units=(np.zeros(one.shape), one),
             sums=scipy.sparse.csr_array(sums),
         )
@@ -169,15 +177,20 @@ def observe(
             f"{_MIN_SAMPLES} samples and moves by {_MIN_RANGE:g} rad"
         )
     velocity = np.asarray(motion.velocity)
-    coefficients, rates, scales, units = [], [], [], []
+    coefficients = []
+    rates = []
+    scales = []
+    units = []
     for start, stop in kept:
         duration = motion.time[stop] - motion.time[start]
-        q0, q1 = motion.q[start], motion.q[stop]
+        q0 = motion.q[start]
+        q1 = motion.q[stop]
         v0, v1 = duration * velocity[[start, stop]]
         ends = np.stack([q0, v0, q1, v1])
         tensor = metric.matrix((q0 + q1) / 2.0)
         inertia = np.trace(tensor) / terms.dim
-        path, ratios = _guess(metric, terms, ends), np.zeros(0)
+        path = _guess(metric, terms, ends)
+        ratios = np.zeros(0)
         if terms.is_geodesic:
             vectors = np.stack([q1 - q0, v0, v1])
             length, *speeds = np.sqrt(np.einsum("ki,ij,kj->k", vectors, tensor, vectors))

@@ -58,7 +58,9 @@ def separate_fits(
         ValueError: by is neither "recording" nor "subject".
         NotConverged: Ipopt did not find a solution.
     """
-    report, units, found = progress or no_progress, units_of(fit.recordings, by), {}
+    report = progress or no_progress
+    units = units_of(fit.recordings, by)
+    found = {}
     for number, (unit, members) in enumerate(units.items()):
         report(f"fitting each {by}", number, len(units))
         found[unit] = refit(fit, members)
@@ -117,7 +119,8 @@ def heterogeneity(fits: Mapping[str, MetricFit]) -> tuple[Heterogeneity, ...]:
         if not known:
             continue
         values, errors = np.array(list(known.values())).T
-        weights, logs = errors**-2.0, np.log(values)
+        weights = errors**-2.0
+        logs = np.log(values)
         q = float(weights @ (logs - weights @ logs / weights.sum()) ** 2)
         free = len(known) - 1
         p = float(scipy.stats.chi2.sf(q, free)) if free else np.nan
@@ -237,7 +240,8 @@ def leave_one_out(
         ValueError: fewer than two recordings or subjects.
         NotConverged: an estimation or a geodesic of a recording that was left out failed.
     """
-    report, units = progress or no_progress, units_of(fit.recordings, by)
+    report = progress or no_progress
+    units = units_of(fit.recordings, by)
     if len(units) < 2:
         raise ValueError(f"leaving one {by} out needs at least two, got {len(units)}")
     results: list[tuple[int, LeftOut]] = []
@@ -246,8 +250,10 @@ def leave_one_out(
         others = refit(fit, [k for k in range(len(fit.recordings)) if k not in members])
         for index in members:
             part = fit.program.parts[index]
-            recording, model = part.recording, part.recording.model
-            motion, values = recording.motion, tuple(others.values.values())
+            recording = part.recording
+            model = part.recording.model
+            motion = recording.motion
+            values = tuple(others.values.values())
             errors = [
                 motion_errors(model, motion, _predicted(fit, each, motion, part.every))
                 for each in (others.metric(model), Euclidean(model.dof))
@@ -313,7 +319,8 @@ def bootstrap_fit(
     # Nothing is known of parameters that the data do not determine.
     unknown = np.isinf([each.standard_error for each in fit.estimates])
     low, high = np.percentile(estimates, tails, axis=0, method="nearest")
-    low, high = np.where(unknown, 0.0, low), np.where(unknown, np.inf, high)
+    low = np.where(unknown, 0.0, low)
+    high = np.where(unknown, np.inf, high)
     return tuple(
         ConfidenceInterval(each.name, float(a), float(b), confidence, by, len(units))
         for each, a, b in zip(fit.estimates, low, high, strict=True)
@@ -360,7 +367,8 @@ def minimizers(curve: ErrorProfile, weights: Array) -> Array:
 
 def _newton_steps(fit: MetricFit, weights: Array) -> Array:
     """Return estimates (count, p) after one Newton step from the solution."""
-    derivatives, values = fit.derivatives, np.array(list(fit.values.values()))
+    derivatives = fit.derivatives
+    values = np.array(list(fit.values.values()))
     relative = values / fit.program.start
     free = np.flatnonzero([not each.at_bound for each in fit.estimates])
     own = derivatives.of_parameters(free)
@@ -373,7 +381,8 @@ def _newton_steps(fit: MetricFit, weights: Array) -> Array:
         sizes[flat], axes[flat] = np.linalg.eigh(hessians.sum(axis=0))
     along = np.einsum("kij,ki->kj", axes, weights @ gradients) / np.maximum(sizes, 1e-12)
     steps = np.clip(-np.einsum("kij,kj->ki", axes, along), -_LARGEST_STEP, _LARGEST_STEP)
-    lower, upper = fit.program.lower[free], fit.program.upper[free]
+    lower = fit.program.lower[free]
+    upper = fit.program.upper[free]
     result = np.full((len(weights), values.size), np.nan)
     result[:, free] = np.clip(values[free] * np.exp(steps), lower, upper)
     return result

@@ -112,7 +112,9 @@ class SegmentTerms(ShortRepr):
     @cached_property
     def table(self) -> Array:
         """Derivatives of the functions at the points by coefficients, (points, r, nodes)."""
-        s, rows, first = self.basis.rule[0], [], 0
+        s = self.basis.rule[0]
+        rows = []
+        first = 0
         for polynomials, order in self.functions.values():
             values = np.zeros((order + 1, s.size, self.num_nodes))
             for k, each in enumerate(polynomials, first):
@@ -140,14 +142,16 @@ class SegmentTerms(ShortRepr):
             name: [ca.SX.sym(name, self.dim) for _ in range(count)]
             for name, count in counts.items()
         }
-        state, scales = symbols["q"], ca.SX.sym("scales", self.dim)
+        state = symbols["q"]
+        scales = ca.SX.sym("scales", self.dim)
         units = [ca.SX.sym("unit") for _ in self.weights]
         pairs = zip(self.weights.items(), units, strict=True)
         factors = {name: weight * unit for (name, weight), unit in pairs}
         q, v, *higher = state
         energy = self.metric._energy(q, v)
         momentum = ca.gradient(energy, v)
-        total, own = ca.SX(0), []
+        total = ca.SX(0)
+        own = []
         if "energy" in factors:
             total += factors["energy"] * energy
         if higher:
@@ -175,10 +179,12 @@ class SegmentTerms(ShortRepr):
         Parameters are the fraction u and the observation: a configuration, or the hand's position.
         """
         size = self.dim * len(self.basis.polynomials)
-        x, u = ca.SX.sym("x", size + self.num_rates), ca.SX.sym("u")
+        x = ca.SX.sym("x", size + self.num_rates)
+        u = ca.SX.sym("u")
         progress = u
         if self.is_geodesic:
-            start, end = x[size], x[size + 1]
+            start = x[size]
+            end = x[size + 1]
             progress = start * u + (3 - 2 * start - end) * u**2 + (start + end - 2) * u**3
         values = [ca.polyval(each.coef[::-1], progress) for each in self.basis.polynomials]
         q = ca.reshape(x[:size], self.dim, len(values)) @ ca.vertcat(*values)
@@ -206,7 +212,8 @@ class SegmentTerms(ShortRepr):
         q, v, a = self.table[:, :3].swapaxes(0, 1) @ result
         w = np.array([c - metric.acceleration(x, u) for x, u, c in zip(q, v, a, strict=True)])
         torque = np.array([metric.matrix(x) @ u for x, u in zip(q, w, strict=True)])
-        s, first = self.basis.rule[0], count
+        s = self.basis.rule[0]
+        first = count
         if "w" in self.functions:
             last = first + len(self.functions["w"][0])
             row = self.functions["q"][1] + 1  # after q and its derivatives

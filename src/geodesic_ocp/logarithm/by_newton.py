@@ -38,22 +38,31 @@ MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesi
 _FAR = "integrated forward, it ends {:.1e} from the goal"
 ROUNDING = "rounding errors exceed the tolerance of its end point"
 # Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
-STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-15
-_ROUNDS, _CONTRACTION, _NEAR = 20, 0.5, 1e-5
+STEP = 1e-12
+_COARSER = 30.0
+_SMALLEST = 1e-15
+_ROUNDS = 20
+_CONTRACTION = 0.5
+_NEAR = 1e-5
 # Error of the end point below which the integration's own error may be what remains.
 _STALLED = 1e-3
 _ROUNDED = 1e-6  # with the smallest tolerance of a step, it is rounding
 _UNIT_INTERVAL = np.array([0.0, 1.0])
 # Number of Newton steps, smallest damping factor, required reduction of the endpoint error by a
 # full step, error from which corrections take over, integration tolerance until then.
-_MAX_SHOTS, _MIN_DAMPING, _REDUCTION = 12, 0.05, 0.1
-_CLOSE, _COARSE_TOLERANCE = 1e-7, 1e-9
+_MAX_SHOTS = 12
+_MIN_DAMPING = 0.05
+_REDUCTION = 0.1
+_CLOSE = 1e-7
+_COARSE_TOLERANCE = 1e-9
 # Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the
 # metric that is worth reporting.
-_SAMPLES, _LARGE_RATIO = 21, 1e4
+_SAMPLES = 21
+_LARGE_RATIO = 1e4
 # Relative decrease of the energy by a Newton step at which a level is left, and most steps on it:
 # of a coarse level, of a fine one.
-_COARSE_LEVEL, _FINE_LEVEL = (1e-2, 8), (1e-10, 40)
+_COARSE_LEVEL = (1e-2, 8)
+_FINE_LEVEL = (1e-10, 40)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +104,8 @@ class Levels:
         """The tables as the compiled core takes them."""
         result = (Level * len(self.grids))()
         for number, (level, grid) in enumerate(zip(result, self.grids, strict=True)):
-            level.segments, level.degree = grid.segments, grid.degree
+            level.segments = grid.segments
+            level.degree = grid.degree
             level.points = grid.quadrature.weights.shape[1]
             for name, table in self._arrays[number].items():
                 setattr(level, name, table.ctypes.data)
@@ -107,7 +117,9 @@ class Levels:
 def _tables(grid: Grid, coarser: Grid | None) -> dict[str, Array]:
     """Get the constants of core/energy.h: quadrature, products of pairs of nodes, interpolation."""
     quadrature = grid.quadrature
-    weights, values, slopes = quadrature.weights[0], quadrature.values, quadrature.slopes[0]
+    weights = quadrature.weights[0]
+    values = quadrature.values
+    slopes = quadrature.slopes[0]
     b, a = np.tril_indices(grid.degree + 1)
     factors = ((values, values), (values, slopes), (slopes, values), (slopes, slopes))
     products = [(weights[:, None] * one[:, a] * other[:, b]).T for one, other in factors]
@@ -136,7 +148,8 @@ _RELAXED = _levels(0, (2, 20), (4, 20), (8, 20), (16, 20))
 # Multiples of the diagonal of G(q0) that are added to G, from large to small.
 _ADDED = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 # Paths through random points: number, and offset from the straight line relative to its length.
-_WAYPOINTS, _OFFSET = 4, (0.2, 1.0)
+_WAYPOINTS = 4
+_OFFSET = (0.2, 1.0)
 _STATUS = {
     11: "the energy has no minimum nearby, or Newton's method needs more steps",
     12: "the Hessian of the energy is not finite",
@@ -290,7 +303,8 @@ def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
     if guess is None:
         return np.asarray(q0 + s[:, None] * (q1 - q0))
     nodes = guess(s)
-    nodes[0], nodes[-1] = q0, q1
+    nodes[0] = q0
+    nodes[-1] = q1
     return nodes
 
 
@@ -371,7 +385,8 @@ def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingG
             if corrected is not None:
                 return ConnectingGeodesic(q0, q1, corrected)
             break
-        step, damping = np.linalg.solve(jacobian, error), 1.0
+        step = np.linalg.solve(jacobian, error)
+        damping = 1.0
         while damping > _MIN_DAMPING:
             try:
                 changed = velocity - damping * step
@@ -397,11 +412,15 @@ def correct_velocity(
 
     Returns the velocity, or None and why there is none.
     """
-    wanted, last, step, is_fine = wanted_error(q0, q1), np.inf, STEP, False
+    wanted = wanted_error(q0, q1)
+    last = np.inf
+    step = STEP
+    is_fine = False
     before = change = np.zeros_like(velocity)
     try:
         for number in range(_ROUNDS):
-            after_coarse, is_fine = not is_fine, last < _NEAR
+            after_coarse = not is_fine
+            is_fine = last < _NEAR
             tolerance = step if is_fine else _COARSER * step
             difference = _end_point(metric, q0, velocity, tolerance) - q1
             error = float(np.abs(difference).max())
@@ -411,7 +430,8 @@ def correct_velocity(
                 step = max(_SMALLEST, step / _COARSER)
             elif number:
                 by_goal = _update(by_goal, difference - before, change)
-            before, change = difference, -by_goal @ difference
+            before = difference
+            change = -by_goal @ difference
             velocity = velocity + change
             if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
                 if step < STEP and not _survives_rounding(metric, q0, q1, velocity, step):
@@ -421,7 +441,8 @@ def correct_velocity(
                     return velocity, ""
                 if step <= _SMALLEST:
                     return None, ROUNDING
-                step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
+                step = max(_SMALLEST, step / _COARSER)
+                error = _NEAR / 10.0
             last = error
     except IntegrationFailed as failure:
         place = "" if failure.time is None else f" at s = {failure.time:.3g}"
@@ -448,7 +469,8 @@ def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> 
 
 def _update(inverse: Array, difference: Array, change: Array) -> Array:
     """Return Broyden's second update of the inverse derivative."""
-    along, row = inverse @ difference, change @ inverse
+    along = inverse @ difference
+    row = change @ inverse
     product = float(change @ along)
     if abs(product) <= 0.1 * float(change @ change):
         return inverse

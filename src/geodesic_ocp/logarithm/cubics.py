@@ -72,7 +72,8 @@ def cubic(
             is not positive definite at the ends; both q1 and a pose, or neither.
         NotConverged: no cubic was found, or no configuration with the pose.
     """
-    metric, times = as_metric(metric), np.array([0.0, as_positive("duration", duration, "s")])
+    metric = as_metric(metric)
+    times = np.array([0.0, as_positive("duration", duration, "s")])
     hand = _hand(metric, position, rotation)
     if (q1 is None) != (hand is not None):
         raise ValueError("give q1, or None and a position or rotation of the hand at the end")
@@ -218,7 +219,8 @@ def _spline(
     is_free = np.repeat([[False, True]], len(times), axis=0)
     for row, velocity in zip((0, -1), velocities, strict=True):
         if velocity is not None:
-            knots[row, metric.dim :], is_free[row, 1] = unit * velocity, False
+            knots[row, metric.dim :] = unit * velocity
+            is_free[row, 1] = False
     is_free = np.repeat(is_free, metric.dim, axis=1)
     given = metric, times / unit, knots, is_free, unit * tension
     if hand is None and bounds is None:

@@ -91,7 +91,8 @@ def _distances(metric: Metric, points: Array, given: dict[str, Any], progress: P
         except (NotConverged, ValueError) as failure:
             pair = re.match(r"row (\d+): ", str(failure))
             if pair is not None:
-                at, rest = int(pair[1]), str(failure)[pair.end() :]
+                at = int(pair[1])
+                rest = str(failure)[pair.end() :]
                 failure.args = (f"points {row[at]} and {column[at]}: {rest}",)
             raise
         for each in caught:  # others than of rows that are not found are passed on
@@ -160,7 +161,8 @@ def frechet_mean(
         periods = checked_periods(metric, samples[0])
         for column in np.flatnonzero(np.isfinite(periods)):
             x[column] = circular_mean(samples[:, column], w, periods[column])
-    step, smallest = 1.0, np.inf
+    step = 1.0
+    smallest = np.inf
     origin = direction = x
     for _ in range(_MAX_STEPS):
         logs = log(metric, x, samples, wrap=wrap)
@@ -170,7 +172,9 @@ def frechet_mean(
         if size <= _TOLERANCE * spread or np.all(np.abs(gradient) <= _ROUNDING * np.abs(x).max()):
             return x
         if size < smallest:
-            smallest, origin, direction = size, x, gradient
+            smallest = size
+            origin = x
+            direction = gradient
         else:  # a step too far: repeat it with half the size
             step /= 2.0
             if step < _SMALLEST_STEP:

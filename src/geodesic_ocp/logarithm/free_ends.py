@@ -22,7 +22,8 @@ from geodesic_ocp.manifold.metric import Metric
 
 _SHORTEST = 0.1  # interval between free times, of the mean one
 _ROUNDING = 1e-6
-_ITERATIONS, _DECREASE = 200, 1e-15
+_ITERATIONS = 200
+_DECREASE = 1e-15
 _TOO_FAR = 1e6  # action where no spline was found, relative to that of the guess
 
 
@@ -60,7 +61,8 @@ class FreeSpline:
 
     def at(self, z: Array) -> RiemannianSpline:
         """Return the spline with these inner times and this end."""
-        times, knots = self.times.copy(), self.knots.copy()
+        times = self.times.copy()
+        knots = self.knots.copy()
         if self.bounds is not None:
             times[1:-1] = z[: self.free_times]
         if self.hand is not None:
@@ -73,7 +75,8 @@ class FreeSpline:
         Raises:
             NotConverged: none was found.
         """
-        n, free = self.metric.dim, self.free_times
+        n = self.metric.dim
+        free = self.free_times
         last = slice(n if self.hand is not None else 0)
         z = np.concatenate([self.times[1 : 1 + free], self.knots[-1, last]])
         lower, upper = np.full((2, z.size), [[-np.inf], [np.inf]])

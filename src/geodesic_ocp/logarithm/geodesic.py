@@ -181,7 +181,8 @@ def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geod
         NotConverged: it bends too sharply for the finest grid.
     """
     metric = as_metric(metric)
-    start, velocity = metric.point("q0", q0), as_vector("v0", v0, metric.dim)
+    start = metric.point("q0", q0)
+    velocity = as_vector("v0", v0, metric.dim)
     if not np.any(velocity):
         raise ValueError("v0 must not be zero: a geodesic moves at constant speed")
     end = exp(metric, start, velocity)

@@ -144,13 +144,15 @@ def geodesic_to_pose(
 def _as_result(target: PoseTarget, found: ShootingResult, given: Array) -> ToPose:
     """Return the result with its path, and with the errors of what was given."""
     velocity, iterations, success, status = found
-    path, configuration = None, target.q0
+    path = None
+    configuration = target.q0
     if np.any(velocity):
         try:
             path = geodesic_from_velocity(target.metric, target.q0, velocity)
             configuration = path.nodes[-1]
         except GeodesicOcpError as error:
-            success, status = False, f"{status}; {error}"
+            success = False
+            status = f"{status}; {error}"
     rotation, position = target.model.hand_pose(configuration)
     distance, angle = pose_difference(rotation, position, target.rotation, target.position)
     return ToPose(

@@ -187,8 +187,10 @@ def find_shortest(
     Raises:
         ValueError, NotConverged: see `find_geodesics`.
     """
-    metric, solver = as_metric(metric), as_solver(solver)
-    start, goal = metric.point("q0", q0), metric.point("q1", q1)
+    metric = as_metric(metric)
+    solver = as_solver(solver)
+    start = metric.point("q0", q0)
+    goal = metric.point("q1", q1)
     count = as_integer("num_starts", num_starts, 1)
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     near = near_images(metric, start, goal) if wrap else [goal]
@@ -303,8 +305,10 @@ def find_geodesics(
             integer, the metric's periods are wrong, or there is no such solver.
         NotConverged: none was found.
     """
-    metric, solver = as_metric(metric), as_solver(solver)
-    start, goal = metric.point("q0", q0), metric.point("q1", q1)
+    metric = as_metric(metric)
+    solver = as_solver(solver)
+    start = metric.point("q0", q0)
+    goal = metric.point("q1", q1)
     count = as_integer("num_starts", num_starts, 1)
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     if count == 1:
@@ -332,7 +336,8 @@ def find_geodesics(
                 new = _from_either_end(metric, start, goal, guess, solver, thorough=False)
             else:
                 near = found[int(rng.integers(len(found)))]
-                goal, change = near.q1, _random_direction(metric, rng, _PERTURBATION, near)
+                goal = near.q1
+                change = _random_direction(metric, rng, _PERTURBATION, near)
                 velocity = near.velocity + change
                 if len(goals) > 1 and (number - len(goals)) % 2:
                     # Where a coordinate is periodic, the opposite direction leads to the goal, too.
@@ -434,13 +439,16 @@ def _velocity_to_nearby(metric: Metric, q0: Array, q1: Array) -> Array | None:
 
 def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
     """Return Exp_q0(v0) - q0 (n,), by steps of the classical Runge-Kutta method."""
-    x, v, h = np.zeros_like(v0), v0, 1.0 / steps
+    x = np.zeros_like(v0)
+    v = v0
+    h = 1.0 / steps
     for _ in range(steps):
         a1 = metric.acceleration(q0 + x, v)
         a2 = metric.acceleration(q0 + x + h / 2 * v, v + h / 2 * a1)
         a3 = metric.acceleration(q0 + x + h / 2 * (v + h / 2 * a1), v + h / 2 * a2)
         a4 = metric.acceleration(q0 + x + h * (v + h / 2 * a2), v + h * a3)
-        x, v = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        x = x + h * v + h * h / 6 * (a1 + a2 + a3)
+        v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
     return np.asarray(x)
 
 

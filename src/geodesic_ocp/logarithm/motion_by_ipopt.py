@@ -18,7 +18,8 @@ def action_program(
     """Return the discrete action int (tau' G^-1 tau + tension^2 q' G q') / 2 dt of motions of so
     many segments.
     """
-    n, (s, weights) = metric.dim, basis.rule
+    n = metric.dim
+    (s, weights) = basis.rule
     times = np.append(0.0, np.cumsum(durations))
     size = (len(durations) * (2 + basis.bubbles) + 2) * n
     places = state_cells(basis, times, n, s)
@@ -39,7 +40,8 @@ def find_by_ipopt(
     tension: float,
 ) -> DiscreteMotion | None:
     """Return the motion of least action, as `MotionKernels.find` on one level."""
-    n, width = metric.dim, 2 + basis.bubbles
+    n = metric.dim
+    width = 2 + basis.bubbles
     x = variables(knots, coefficients)
     free = variables(is_free.astype(float), np.ones_like(coefficients)) > 0.0
     lower, upper = (np.where(free, sign * np.inf, x) for sign in (-1.0, 1.0))
@@ -48,7 +50,8 @@ def find_by_ipopt(
     outcome = program.solve(x, (lower, upper), options)
     if not outcome.success:
         return None
-    gradients, hessians = [], []
+    gradients = []
+    hessians = []
     ends = np.r_[: 2 * n, width * n : (width + 2) * n]
     inner = np.arange(2 * n, width * n)
     for k in range(len(durations)):

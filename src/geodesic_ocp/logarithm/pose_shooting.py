@@ -31,10 +31,14 @@ from geodesic_ocp.trajectory.path import Path
 
 # Fixed steps of the integrator within the NLP: at first, after a failure, at most; and how closely
 # their end point must agree with `exp` at the solution, and at the initial guess.
-_STEPS, _MORE_STEPS, _MAX_STEPS = 2, 4, 64
-_AGREEMENT, _ROUGH_AGREEMENT = 1e-7, 1e-4
+_STEPS = 2
+_MORE_STEPS = 4
+_MAX_STEPS = 64
+_AGREEMENT = 1e-7
+_ROUGH_AGREEMENT = 1e-4
 # Iterations of one solve; where they do not suffice, energy weights for a continuation.
-_MAX_ITERATIONS, _CONTINUATION = 60, (1.0, 1e-2, 1e-4, 1e-6)
+_MAX_ITERATIONS = 60
+_CONTINUATION = (1.0, 1e-2, 1e-4, 1e-6)
 _MAX_DESCENTS = 2000
 _CONVERGED = 1e-9  # the pose error, or its relative decrease in one step
 _MAX_HALVINGS = 30
@@ -88,13 +92,16 @@ def shoot(target: PoseTarget, velocity: Array, energy_weight: float) -> Shooting
     direct = _solve_with_accurate_steps(target, velocity, energy_weight, _STEPS)
     if direct.success:
         return direct
-    iterations, best, reached = direct.iterations, direct, np.inf
+    iterations = direct.iterations
+    best = direct
+    reached = np.inf
     for weight in (*(each for each in _CONTINUATION if each > energy_weight), energy_weight):
         start = best.velocity if best.success else velocity
         result = _solve_with_accurate_steps(target, start, weight, _MORE_STEPS)
         iterations += result.iterations
         if result.success:
-            best, reached = result, weight
+            best = result
+            reached = weight
         elif best.success:
             status = f"{best.status}, but only with energy weight {reached:g}"
             return ShootingResult(best.velocity, iterations, False, status)
@@ -106,8 +113,10 @@ def shoot(target: PoseTarget, velocity: Array, energy_weight: float) -> Shooting
 @lru_cache(maxsize=1)
 def pose_error_function() -> ca.Function:
     """Return pose, target pose and weights (2,) -> weighted difference (6,), in the base frame."""
-    rotation, target_rotation = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
-    position, target_position = ca.SX.sym("p", 3), ca.SX.sym("p1", 3)
+    rotation = ca.SX.sym("R", 3, 3)
+    target_rotation = ca.SX.sym("R1", 3, 3)
+    position = ca.SX.sym("p", 3)
+    target_position = ca.SX.sym("p1", 3)
     weights = ca.SX.sym("w", 2)
     translation = weights[0] * (target_position - position)
     rotation_vector = weights[1] * rotation_log(target_rotation @ rotation.T)
@@ -130,7 +139,8 @@ def _solve_with_accurate_steps(
     while True:
         outcome = _solve(target, velocity, energy_weight, steps)
         iterations += outcome.iterations
-        found, status = outcome.x[: target.q0.size], outcome.status
+        found = outcome.x[: target.q0.size]
+        status = outcome.status
         if not outcome.success:
             found = found if np.all(np.isfinite(found)) else velocity
             return ShootingResult(found, iterations, False, status)
@@ -143,12 +153,14 @@ def _solve_with_accurate_steps(
         if steps >= _MAX_STEPS:
             status = f"{steps} steps of the integrator are too few for this geodesic"
             return ShootingResult(found, iterations, False, status)
-        steps, velocity = 2 * steps, found
+        steps = 2 * steps
+        velocity = found
 
 
 def _solve(target: PoseTarget, velocity: Array, energy_weight: float, steps: int) -> Outcome:
     """Solve for x = (v, r), where r is the pose error over the root of the energy's weight."""
-    tensor, root = target.metric.matrix(target.q0), np.sqrt(energy_weight)
+    tensor = target.metric.matrix(target.q0)
+    root = np.sqrt(energy_weight)
     end = target.end(velocity, steps)
     # Where the guess is too fast for the number of steps, Ipopt will report it.
     error = target.pose_error(end if np.all(np.isfinite(end)) else target.q0) / root
@@ -161,8 +173,10 @@ def _solve(target: PoseTarget, velocity: Array, energy_weight: float, steps: int
 @lru_cache(maxsize=32)
 def _nlp(model: Model, steps: int) -> Ipopt:
     n = model.dof
-    x, p = ca.MX.sym("x", n + 6), ca.MX.sym("p", n + 15 + n * n)
-    v, r = x[:n], x[n:]
+    x = ca.MX.sym("x", n + 6)
+    p = ca.MX.sym("p", n + 15 + n * n)
+    v = x[:n]
+    r = x[n:]
     q0, target_position, target_rotation, weights, root, tensor = ca.vertsplit(
         p, np.cumsum([0, n, 3, 9, 2, 1, n * n]).tolist()
     )
@@ -180,20 +194,24 @@ def _nlp(model: Model, steps: int) -> Ipopt:
 @lru_cache(maxsize=32)
 def _exp_function(model: Model, steps: int) -> ca.Function:
     """Return (q, v) -> Exp_q(v) by equal steps of the method of order 8 of Dormand and Prince."""
-    n, rate = model.dof, metric_of(model).geodesic_equation
+    n = model.dof
+    rate = metric_of(model).geodesic_equation
     y = ca.MX.sym("y", 2 * n)
     slopes: list[ca.MX] = [rate(y)]
     for stage in range(1, STAGES):
         weights = ca.DM(RK_A[stage, :stage]) / steps
         slopes.append(rate(y + ca.horzcat(*slopes) @ weights))
     step = ca.Function("step", [y], [y + ca.horzcat(*slopes) @ ca.DM(RK_B) / steps])
-    q, v = ca.MX.sym("q", n), ca.MX.sym("v", n)
+    q = ca.MX.sym("q", n)
+    v = ca.MX.sym("v", n)
     return ca.Function("exp", [q, v], [step.fold(steps)(ca.vertcat(q, v))[:n]])
 
 
 def descend_transported_gradient(target: PoseTarget, velocity: Array) -> ShootingResult:
     """Return steps along the transported gradient, halved until they decrease the pose error."""
-    metric, q0, v = target.metric, target.q0, velocity
+    metric = target.metric
+    q0 = target.q0
+    v = velocity
     end = exp(metric, q0, v)
     error = target.pose_error(end)
     rows = np.repeat(target.weights, 3)
@@ -220,7 +238,9 @@ def descend_transported_gradient(target: PoseTarget, velocity: Array) -> Shootin
         else:
             status = "no step along the gradient decreases the pose error"
             return ShootingResult(v, iteration, False, status)
-        v, end, error = v + damping * step, new, new_error
+        v = v + damping * step
+        end = new
+        error = new_error
         if size - np.linalg.norm(error) <= _CONVERGED * size:
             return ShootingResult(v, iteration + 1, True, "the pose error no longer decreases")
     return ShootingResult(v, _MAX_DESCENTS, False, "the maximum number of iterations is reached")

@@ -117,7 +117,8 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         Raises:
             ValueError: a time before the first or after the last knot.
         """
-        instants, scaled = self.checked(t), self._in_units
+        instants = self.checked(t)
+        scaled = self._in_units
         segment = np.searchsorted(self.times[1:-1], instants, "right")
         found = np.empty((len(instants), self.starts.shape[1]))
         for k in np.unique(segment):
@@ -131,14 +132,17 @@ class RiemannianSpline(TimedMotion, ShortRepr):
 
     def states(self, t: Array, order: int) -> Array:
         """Return derivatives of this order at times (k,) within the motion, (k, n)."""
-        n, found = self.metric.dim, self.at(t)
+        n = self.metric.dim
+        found = self.at(t)
         if order == 2:
-            found, order = self._rates(found), 1
+            found = self._rates(found)
+            order = 1
         return found[:, order * n : (order + 1) * n]
 
     def _rates(self, states: Array) -> Array:
         """Return Hamilton's equations at states (k, 4 n)."""
-        rate, square = second_order(self.metric).rate, self.tension**2
+        rate = second_order(self.metric).rate
+        square = self.tension**2
         found = [evaluate(rate, state, square)[:, 0] for state in states]
         return np.array(found).reshape(states.shape)
 
@@ -179,7 +183,8 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         They are the derivatives of the least action by the times of these knots, as minus the
         Hamiltonian is the one by the time of an end (Hamilton, Jacobi).
         """
-        after, before = self.starts[self.inner], self.arrivals[self.inner - 1]
+        after = self.starts[self.inner]
+        before = self.arrivals[self.inner - 1]
         return self._hamiltonian(after) - self._hamiltonian(before)
 
     def residual(self, t: ArrayLike) -> Array:
@@ -189,7 +194,8 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         The covariant derivatives follow from Hamilton's equations by the chain rule, the curvature
         from the metric alone.
         """
-        equation, square = spline_equation(self.metric), self.tension**2
+        equation = spline_equation(self.metric)
+        square = self.tension**2
         return np.array([equation(state, square).full()[:, 0] for state in self.at(t)])
 
     def relative_residual(self, t: Array) -> float:
@@ -210,14 +216,21 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         stationary, negative = stationarity_and_index(*scaled._second_variation())
         at_bounds, others = self.optimal_times
         return MotionCertificate(
-            *(self.error, residual, scaled.boundary_residual, stationary, negative),
-            *(others, at_bounds),
+            self.error,
+            residual,
+            scaled.boundary_residual,
+            stationary,
+            negative,
+            others,
+            at_bounds,
         )
 
     @property
     def boundary_residual(self) -> float:
         """The largest component of momenta that vanish at free ends, relative to all momenta."""
-        n, first, last = self.metric.dim, self.starts[0], self.arrivals[-1]
+        n = self.metric.dim
+        first = self.starts[0]
+        last = self.arrivals[-1]
         largest = np.abs(np.vstack([self.starts, self.arrivals])[:, 2 * n :]).max()
         free = [first[3 * n :][self.is_free[0, n:]], last[3 * n :][self.is_free[-1, n:]]]
         if self.hand is not None:
@@ -230,7 +243,8 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         """Times of knots at an active bound, and those at which the Hamiltonian does not jump."""
         if self.time_bounds is None:
             return (), ()
-        times, jumps = self.times[self.inner], self.hamiltonian_jumps
+        times = self.times[self.inner]
+        jumps = self.hamiltonian_jumps
         lower, upper = np.abs(self.time_bounds - times) <= _AT_BOUND * self.duration
         is_active = (lower & (jumps > 0.0)) | (upper & (jumps < 0.0))
         is_settled = np.abs(jumps) <= _SETTLED * self.action / self.unit
@@ -240,13 +254,16 @@ class RiemannianSpline(TimedMotion, ShortRepr):
         """Return gradient and Hessian of the discrete action on so many segments that their
         polynomials are the motion, twice as many at least, by what is free, relative to the action.
         """
-        n, (s, _) = self.metric.dim, FINE.rule
+        n = self.metric.dim
+        (s, _) = FINE.rule
         values = FINE.values(s)
         count = len(self.times) - 1
         for parts in _PARTS:
             fractions = np.arange(parts * count + 1) / parts
             times = np.interp(fractions, np.arange(count + 1), self.times)
-            q, v, durations = self(times), self(times, 1), np.diff(times)[:, None]
+            q = self(times)
+            v = self(times, 1)
+            durations = np.diff(times)[:, None]
             ends = np.stack([q[:-1], durations * v[:-1], q[1:], durations * v[1:]], axis=1)
             missing = self(instants(times, s)).reshape(len(ends), s.size, n) - values[:4].T @ ends
             coefficients = np.linalg.pinv(values[4:].T) @ missing
@@ -321,8 +338,12 @@ def spline_equation(metric: Metric) -> ca.Function:
     in tension for its square (Silva Leite, Camarinha, Crouch 2000).
     """
     n = metric.dim
-    y, z, s = ca.SX.sym("y", 4 * n), ca.SX.sym("z", n), ca.SX.sym("s")
-    q, v, r = y[:n], y[n : 2 * n], y[3 * n :]
+    y = ca.SX.sym("y", 4 * n)
+    z = ca.SX.sym("z", n)
+    s = ca.SX.sym("s")
+    q = y[:n]
+    v = y[n : 2 * n]
+    r = y[3 * n :]
     rate = second_order(metric).rate(y, s)
 
     w = ca.SX.sym("w", n)
@@ -370,7 +391,8 @@ def integrated(
     """Return states (k, 4 n) of Hamilton's equations at times (k,) from the first on."""
     if metric.has_constant_tensor:
         q, v, p, r = start.reshape(4, -1)
-        tensor, t = metric.matrix(q), times[:, None] - times[0]
+        tensor = metric.matrix(q)
+        t = times[:, None] - times[0]
         a, j = np.linalg.solve(tensor, np.column_stack([r, -p])).T
         j = j + tension**2 * v
         c0, c1, c2, c3 = stumpff(tension * t)
@@ -378,7 +400,8 @@ def integrated(
         velocity = v + t * (c1 * a + c2 * t * j)
         momentum = (c0 * a + c1 * t * j) @ tensor
         return np.hstack([position, velocity, np.tile(p, t.shape), momentum])
-    kernels, square = second_order(metric), np.array([tension**2])
+    kernels = second_order(metric)
+    square = np.array([tension**2])
     if kernels.available():
         return kernels.states(start, times, tension, tolerance, _MAX_STEPS)
     return integrate_by_scipy(kernels.rate, start, times, tolerance, lambda _: square, _MAX_STEPS)

@@ -41,12 +41,15 @@ _TOLERANCE = 1e-9  # of positions and velocities where segments meet
 _COARSER = 1e4  # first tolerance of the integration, relative to the last
 _MOVING = 1e-8  # the last change of free knots: rounding of momenta moves them
 _NEAR = 1e-5  # errors from which on integrations are fine
-_ROUNDS, _CONTRACTION = 12, 0.4
+_ROUNDS = 12
+_CONTRACTION = 0.4
 _FAR = 0.5  # errors of the discrete motion from which on more segments are better
 _COARSE = SegmentBasis(4, 9)
 _DECREASE = 1e-11  # of the action, relative, by the last step
 _BISECTIONS = 5
-_HALVINGS, _SCALES = 2, 8  # segments, and steps of the continuation from small motions
+# segments, and steps of the continuation from small motions
+_HALVINGS = 2
+_SCALES = 8
 _SAMPLES = 50
 
 
@@ -95,7 +98,8 @@ def _divided(
     instants = np.interp(np.arange(rows[-1] + 1), rows, times)
     divided = np.zeros((len(instants), knots.shape[1]))
     free = np.ones(divided.shape, dtype=bool)
-    divided[rows], free[rows] = knots, is_free
+    divided[rows] = knots
+    free[rows] = is_free
     return instants, divided, free
 
 
@@ -109,7 +113,8 @@ def _flat_spline(times: Array, knots: Array, is_free: Mask, tension: float) -> t
     h = np.diff(times)[:, None]
     c0, c1, c2, c3 = stumpff(tension * h)
     q0, v0, q1, v1 = np.eye(4)
-    step, change = q1 - q0 - h * v0, v1 - v0
+    step = q1 - q0 - h * v0
+    change = v1 - v0
     determinant = c2**2 - c1 * c3
     a = (c2 * step / h**2 - c3 * change / h) / determinant
     j = (c2 * change / h**2 - c1 * step / h**3) / determinant
@@ -155,7 +160,8 @@ def _attempts(
         start = _bisected(*start)
     times, knots, coefficients, is_free = start
     origin = np.append(knots[0, : metric.dim], np.zeros(metric.dim))
-    whole, small = knots - origin, (knots - origin) / _SCALES
+    whole = knots - origin
+    small = (knots - origin) / _SCALES
     coefficients = coefficients / _SCALES
     for step in range(1, _SCALES + 1):
         small = np.where(is_free, small, whole * step / _SCALES)
@@ -165,7 +171,8 @@ def _attempts(
         if found is None:
             return
         growth = (step + 1) / step if step < _SCALES else 1.0
-        small, coefficients = (found.knots - origin) * growth, found.coefficients * growth
+        small = (found.knots - origin) * growth
+        coefficients = found.coefficients * growth
     start = times, origin + small, coefficients, is_free
     yield from _refined(metric, *start, tension, _BISECTIONS - 1)
 
@@ -229,9 +236,11 @@ def _matched(
     converge.
     """
     size = found.knots.shape[1]
-    knots, durations = found.knots.copy(), np.diff(times)
+    knots = found.knots.copy()
+    durations = np.diff(times)
     momenta = -found.gradients[:, :size]
-    start, mixed = found.hessians[:, :size, :size], found.hessians[:, :size, size:]
+    start = found.hessians[:, :size, :size]
+    mixed = found.hessians[:, :size, size:]
     end = found.hessians[:, size:, size:]
     try:
         factor = _banded_cholesky(found.hessians, is_free)
@@ -249,10 +258,12 @@ def _matched(
             jump[1:] += after
             jump[np.logical_not(is_free)] = 0.0
             change = -cho_solve_banded((factor, False), jump.ravel()).reshape(knots.shape)
-            missing, moving = np.abs(missed).max(), np.abs(change).max()
+            missing = np.abs(missed).max()
+            moving = np.abs(change).max()
             error = max(missing, moving)
             if is_fine and missing <= _TOLERANCE and moving <= _MOVING:
-                end, error = knots[-1], float(missing)
+                end = knots[-1]
+                error = float(missing)
                 return RiemannianSpline(metric, times, starts, end, error, is_free, tension)
             if not error < min(_CONTRACTION * last, _FAR):
                 return None
@@ -267,7 +278,8 @@ def _matched(
 
 def _banded_cholesky(hessians: Array, is_free: Mask) -> Array:
     """Return the factor of the sum of the segments' Hessians, with unit rows where not free."""
-    count, size = len(hessians), is_free.shape[1]
+    count = len(hessians)
+    size = is_free.shape[1]
     band = np.zeros((2 * size, (count + 1) * size))
     row, column = np.triu_indices(2 * size)
     for k in range(count):

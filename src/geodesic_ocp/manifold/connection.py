@@ -57,7 +57,8 @@ def parallel_transport(
             where the metric is not defined.
         IntegrationFailed: the metric becomes singular along the curve.
     """
-    curve, stops = path_or_motion, path_or_motion.breakpoints
+    curve = path_or_motion
+    stops = path_or_motion.breakpoints
     metric = as_metric(metric)
     vector = as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
@@ -90,7 +91,8 @@ def _by_scipy(
         def along(t: float, start: float = start, stop: float = stop) -> Array:
             return _states(curve, np.array([t]), start, stop).T
 
-        ends, rate = np.array([start, stop]), metric.transport_equation
+        ends = np.array([start, stop])
+        rate = metric.transport_equation
         try:
             vector = integrate_by_scipy(rate, vector, ends, tolerance, along)[-1]
         except IntegrationFailed as failure:
@@ -103,7 +105,8 @@ def _states(curve: ParametricCurve, times: Array, start: ArrayLike, stop: ArrayL
 
     One-sided at the ends, to exclude the derivative of the adjacent piece.
     """
-    middle, half = np.add(start, stop) / 2, np.subtract(stop, start) / 2
+    middle = np.add(start, stop) / 2
+    half = np.subtract(stop, start) / 2
     inside = middle + (1.0 - 1e-12) * np.clip(times - middle, -half, half)
     return np.hstack([curve(inside), curve(inside, 1)])
 
@@ -197,7 +200,8 @@ def sectional_curvature(metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike
             definite at q.
     """
     q = as_metric(metric).point("q", q)
-    first, second = as_vector("u", u, metric.dim), as_vector("v", v, metric.dim)
+    first = as_vector("u", u, metric.dim)
+    second = as_vector("v", v, metric.dim)
     squares = metric.inner(q, first, first) * metric.inner(q, second, second)
     area = squares - metric.inner(q, first, second) ** 2
     if area <= _PARALLEL * squares:

@@ -29,7 +29,8 @@ _ESTIMATE = 0.5
 _ROUNDING = 4.0
 # Differences of the velocity, relative to it, and the tolerance of a step of their integrations:
 # the derivative is accurate to about their quotient and to the difference itself.
-_DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
+_DIFFERENCE = 1e-5
+_DIFFERENCE_TOLERANCE = 1e-11
 
 
 @over_rows
@@ -58,7 +59,8 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
             be reached; `time` and `state` say where.
     """
     metric = as_metric(metric)
-    point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
+    point = metric.point("q", q)
+    velocity = as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
     if not metric.has_constant_tensor and metric.kernels.available(at_once=False):
         end = metric.kernels.exp(point, velocity, _step_tolerance(tolerance), tolerance)
@@ -77,7 +79,8 @@ def sample_geodesic(
 
     Raises like `exp`.
     """
-    point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
+    point = metric.point("q", q)
+    velocity = as_vector("v", v, metric.dim)
     instants = np.asarray(times, dtype=float)
     if metric.has_constant_tensor:
         line = point + np.outer(instants - instants[0], velocity)
@@ -104,7 +107,8 @@ def sample_geodesic(
                 f"exp from q = {point}: errors grow so fast along this geodesic that its points "
                 f"are accurate to {error:.1e} at best, not to {tolerance:.1e}"
             )
-        per_step, refined = max(per_step / _LOOSER, _FINEST_STEP_TOLERANCE), True
+        per_step = max(per_step / _LOOSER, _FINEST_STEP_TOLERANCE)
+        refined = True
 
 
 def _step_tolerance(tolerance: float) -> float:

@@ -89,14 +89,17 @@ def integrate_by_scipy(
         return np.asarray(rate(y, *p).full()[:, 0])
 
     interval = float(times[-1] - times[0])
-    states, taken, size = [np.array(start, dtype=float)], 0, interval / 8.0
+    states = [np.array(start, dtype=float)]
+    taken = 0
+    size = interval / 8.0
     error = max(tolerance, _FINEST)
     for begin, stop in pairwise(times.tolist()):
         first = min(size, stop - begin)
         solver = DOP853(slope, begin, states[-1], stop, rtol=error, atol=error, first_step=first)
         while solver.status == "running":
             solver.step()
-            taken, size = taken + 1, solver.h_abs
+            taken = taken + 1
+            size = solver.h_abs
             is_short = solver.status == "failed" or size < _SMALLEST_STEP * interval
             if solver.status != "finished" and (is_short or taken >= max_steps):
                 record = _IntegrationRecord(solver.t, size, taken)
@@ -160,7 +163,8 @@ def blas() -> Blas:
 def _pointer(module: Any, name: str) -> int | None:
     capsule = module.__pyx_capi__[name]
     get_name = ctypes.pythonapi.PyCapsule_GetName
-    get_name.restype, get_name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    get_name.restype = ctypes.c_char_p
+    get_name.argtypes = [ctypes.py_object]
     get_pointer = ctypes.pythonapi.PyCapsule_GetPointer
     get_pointer.restype = ctypes.c_void_p
     get_pointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
@@ -176,7 +180,9 @@ class _OneThread:
     """
 
     def __init__(self) -> None:
-        self._lock, self._users, self._before = threading.Lock(), 0, 0
+        self._lock = threading.Lock()
+        self._users = 0
+        self._before = 0
 
     def __enter__(self) -> None:
         with self._lock:
@@ -237,7 +243,8 @@ class Kernels(Library):
         max_steps: int,
     ) -> Array:
         """Integrate from the given state, with the given parameter if there is one."""
-        states, record = np.empty((times.size, given[0].size)), _IntegrationRecord()
+        states = np.empty((times.size, given[0].size))
+        record = _IntegrationRecord()
         arguments = c_int(times.size), times, tolerance, c_long(max_steps), states
         status = self._call(equation, *given, *arguments, byref(record))
         if status:
@@ -274,7 +281,8 @@ class Kernels(Library):
 
         Returns w after every step (k, n) and the errors of the steps relative to the tolerance.
         """
-        states, errors = np.empty((sizes.size, vector.size)), np.empty(sizes.size)
+        states = np.empty((sizes.size, vector.size))
+        errors = np.empty(sizes.size)
         steps = c_long(sizes.size), sizes, curve
         self._call("transport", *steps, vector, tolerance, states, errors)
         return states, errors
@@ -314,7 +322,8 @@ class Kernels(Library):
         handle = self.handle(True)
         assert handle is not None
         sizes = [level.segments * level.degree + 1 for level in levels]
-        nodes, velocity = np.empty((max(sizes), self._dim)), np.empty(self._dim)
+        nodes = np.empty((max(sizes), self._dim))
+        velocity = np.empty(self._dim)
         nodes[: len(path)] = path
         added = np.zeros((0, self._dim)) if added is None else np.ascontiguousarray(added)
         handle.log_workspace.restype = c_long
@@ -358,7 +367,8 @@ class Kernels(Library):
         nodes = max(level.segments * level.degree + 1 for level in levels)
         x = np.empty((count, nodes, self._dim))
         x[:, : paths.shape[1]] = paths
-        velocities, status = np.empty((count, self._dim)), np.empty(count, dtype=np.intc)
+        velocities = np.empty((count, self._dim))
+        status = np.empty(count, dtype=np.intc)
         handle.log_maps_workspace.restype = c_long
         numbers = c_int(len(levels)), c_int(first)
         memory = self._memory(handle.log_maps_workspace(levels, numbers[0], c_long(count)))

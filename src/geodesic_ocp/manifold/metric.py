@@ -31,7 +31,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _FEW = 8  # rows; fewer are not worth starting threads
 # Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
 # the diagonal below the second relative to the largest, such as the square of sin(pi).
-_SINGULAR, _VANISHING = 1e-14, 1e-28
+_SINGULAR = 1e-14
+_VANISHING = 1e-28
 # Eigenvalues below this make geodesics hard to compute.
 _NEARLY_SINGULAR = 1e-4
 # Coordinates are named if their component of the singular direction exceeds this fraction.
@@ -242,7 +243,8 @@ class Metric(MetricFunctions):
         """
         q, u, v = self._checked(q=q, u=u, v=v)
         if is_symbolic(q, u, v):
-            unit_u, unit_v = u / self.norm(q, u), v / self.norm(q, v)
+            unit_u = u / self.norm(q, u)
+            unit_v = v / self.norm(q, v)
             return 2 * ca.atan2(self.norm(q, unit_u - unit_v), self.norm(q, unit_u + unit_v))
         tensor = self.matrix(q)
 
@@ -252,7 +254,8 @@ class Metric(MetricFunctions):
         lengths = norm(u), norm(v)
         if min(lengths) == 0.0:
             raise ValueError("the angle to a zero vector is undefined")
-        unit_u, unit_v = u / lengths[0], v / lengths[1]
+        unit_u = u / lengths[0]
+        unit_v = v / lengths[1]
         return float(2.0 * np.arctan2(norm(unit_u - unit_v), norm(unit_u + unit_v)))
 
     def christoffel(self, q: Any) -> Any:

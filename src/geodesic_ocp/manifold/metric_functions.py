@@ -65,13 +65,15 @@ class MetricFunctions(ABC):
     @cached_property
     def energy_density(self) -> ca.Function:
         """(q, v) -> v' G(q) v / 2, the integrand of the energy of a path."""
-        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
+        q = ca.SX.sym("q", self.dim)
+        v = ca.SX.sym("v", self.dim)
         return ca.Function("energy_density", [q, v], [self._energy(q, v)], ["q", "v"], ["T"])
 
     def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
         """Return sum_jk Gamma_ijk u_j v_k, (n, 1), for symbols q, u and v."""
         tensor = self._matrix_function(q)
-        momentum_u, momentum_v = tensor @ u, tensor @ v
+        momentum_u = tensor @ u
+        momentum_v = tensor @ v
         return 0.5 * (
             ca.jtimes(momentum_u, q, v)
             + ca.jtimes(momentum_v, q, u)
@@ -90,7 +92,8 @@ class MetricFunctions(ABC):
     @cached_property
     def geodesic_equation(self) -> ca.Function:
         """First-order form of the geodesic equation: y = (q, v), (2n,) -> y' = (v, v')."""
-        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
+        q = ca.SX.sym("q", self.dim)
+        v = ca.SX.sym("v", self.dim)
         rate = ca.vertcat(v, self._transport_rate(q, v, v))
         return ca.Function("geodesic", [ca.vertcat(q, v)], [rate], ["y"], ["dy"])
 
@@ -162,7 +165,8 @@ class MetricFunctions(ABC):
         """
         n = self.dim
         q, v, w, p = (ca.SX.sym(name, n) for name in "qvwp")
-        state, tensor = ca.vertcat(q, v), self._matrix_function(q)
+        state = ca.vertcat(q, v)
+        tensor = self._matrix_function(q)
         energy = self.energy_density(q, v)
         gradient = ca.gradient(energy, state)
         by_position = ca.triu2symm(ca.triu(ca.jacobian(gradient[:n], q)))

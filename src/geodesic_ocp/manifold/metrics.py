@@ -76,7 +76,8 @@ class ModelMetric(Metric):
         outside = (q < low) | (q > high)
         if outside.any():
             index = int(np.argmax(outside))
-            low, high = self.model.lower[index], self.model.upper[index]
+            low = self.model.lower[index]
+            high = self.model.upper[index]
             raise ValueError(
                 f"{name}: {self.joint_names[index]} is at {q[index]:.4g} rad, more than a "
                 f"revolution beyond its limits {low:.3g} to {high:.3g}: are these degrees? Angles "
@@ -316,7 +317,8 @@ def _range(values: tuple[Any, ...]) -> str:
     """Return the least and the largest number; all values if one is an expression."""
     if any(isinstance(entry, ca.SX) for entry in values):
         return ", ".join(dict.fromkeys(map(str, values)))
-    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    low = f"{min(values):.3g}"
+    high = f"{max(values):.3g}"
     return low if low == high else f"{low} to {high}"
 
 

@@ -50,10 +50,12 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
     With w = G^-1 tau held constant, tau' G^-1 tau / 2 has the derivatives of w' tau - w' G w / 2
     (envelope theorem).
     """
-    n, sym = metric.dim, ca.SX.sym
+    n = metric.dim
+    sym = ca.SX.sym
     q, v, a, w, u, p, r = (sym(name, n) for name in "qvawupr")
     s = sym("s")
-    tensor, force = metric._matrix_function(q), metric._christoffel_force(q, v, v)
+    tensor = metric._matrix_function(q)
+    force = metric._christoffel_force(q, v, v)
     factors = ca.ldl(tensor, False)
 
     def torque(acceleration: ca.SX) -> ca.SX:
@@ -65,7 +67,8 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
     def block(matrix: ca.SX, i: int, j: int) -> ca.SX:
         return ca.vec(ca.densify(matrix[i * n : (i + 1) * n, j * n : (j + 1) * n]))
 
-    point, tau = ca.vertcat(q, v, a), torque(a)
+    point = ca.vertcat(q, v, a)
+    tau = torque(a)
     covariant = solved(tau)
     kinetic = s * ca.dot(v, tensor @ v) / 2
     cost = ca.dot(tau, covariant) / 2 + kinetic
@@ -75,13 +78,15 @@ def motion_functions(metric: Metric) -> dict[str, ca.Function]:
     gauss[n : 2 * n, n : 2 * n] += s * tensor
     rest = ca.jacobian(gradient, point)
     rest[n : 2 * n, n : 2 * n] = ca.jacobian(ca.gradient(ca.dot(w, force), v), v)
-    first, mixed = ((0, 0), (0, 1), (0, 2), (1, 1)), ((1, 2), (2, 2))
+    first = ((0, 0), (0, 1), (0, 2), (1, 1))
+    mixed = ((1, 2), (2, 2))
     blocks = [block(gauss, *each) for each in first + mixed]
     blocks += [block(rest, *each) for each in first]
     derivatives = ca.substitute(ca.vertcat(gradient, *blocks), w, covariant)
     momentum = ca.gradient(ca.dot(w, torque(w / 2 - u)) + kinetic, q)
     forces = ca.vertcat(momentum, ca.gradient(ca.dot(w, force) + kinetic, v) - p)
-    acceleration, drift = solved(r), solved(force)
+    acceleration = solved(r)
+    drift = solved(force)
     forces = ca.substitute(ca.substitute(forces, w, acceleration), u, drift)
     rate = ca.vertcat(v, acceleration - drift, forces)
     outputs = {
@@ -155,10 +160,12 @@ def motion_levels(*levels: tuple[SegmentBasis, float]) -> ctypes.Array[MotionLev
     """Return levels for the compiled core: bases, and relative decreases that end them."""
     result = (MotionLevel * len(levels))()
     for level, (basis, decrease) in zip(result, levels, strict=True):
-        level.bubbles, level.points = basis.bubbles, basis.points
+        level.bubbles = basis.bubbles
+        level.points = basis.points
         for name, table in basis.tables.items():
             setattr(level, name, table.ctypes.data)
-        level.decrease, level.max_steps = decrease, 60
+        level.decrease = decrease
+        level.max_steps = 60
     return result
 
 
@@ -192,7 +199,8 @@ class MotionKernels(Kernels):
     @cached_property
     def terms(self) -> Terms:
         """The running cost as terms of a program, in (q, q', q'') and s."""
-        point, square = ca.SX.sym("z", 3 * self._dim), ca.SX.sym("s")
+        point = ca.SX.sym("z", 3 * self._dim)
+        square = ca.SX.sym("s")
         return Terms(point, square, self.functions["motion_cost"](point, square))
 
     @property
@@ -219,19 +227,23 @@ class MotionKernels(Kernels):
             is_free: True for the components of knots that may change, (k + 1, 2 n).
             tension: square root of s [1/s].
         """
-        n, count = self._dim, len(durations)
+        n = self._dim
+        count = len(durations)
         handle = self.handle(True)
         assert handle is not None
         handle.motion_memory.restype = c_long
-        number, parts = c_int(len(levels)), c_int(count)
+        number = c_int(len(levels))
+        parts = c_int(count)
         memory = self._memory(handle.motion_memory(levels, number, parts))
         x = np.zeros((count * (2 + max(level.bubbles for level in levels)) + 2) * n)
         rows = np.hstack([knots[:-1], coefficients.reshape(count, -1)])
         x[: rows.size + 2 * n] = np.append(rows, knots[-1])
         flags = np.empty(x.size, dtype=np.int8)
         free = np.ascontiguousarray(is_free, dtype=np.int8)
-        action, steps = c_double(), c_long()
-        gradients, hessians = np.empty((count, 4 * n)), np.empty((count, 4 * n, 4 * n))
+        action = c_double()
+        steps = c_long()
+        gradients = np.empty((count, 4 * n))
+        hessians = np.empty((count, 4 * n, 4 * n))
         pointers = (ctypes.c_void_p(each.ctypes.data) for each in (free, memory, flags))
         rounding = self._rounding(durations, knots)
         given = byref(blas()), levels, number, parts, durations, tension, rounding

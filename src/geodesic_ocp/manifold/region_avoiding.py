@@ -17,7 +17,8 @@ from geodesic_ocp.model.model import Model
 # The margin of the relaxed metric, relative.
 _RELAXED = 10.0
 # Number of samples and tolerance for deciding whether a region is periodic in a coordinate.
-_NUM_SAMPLES, _EQUAL = 5, 1e-9
+_NUM_SAMPLES = 5
+_EQUAL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,9 @@ def joint_limit_region(model: Model) -> Region:
         ValueError: the model has no finite limit.
     """
     q = ca.SX.sym("q", model.dof)
-    rows, labels, joints = [], [], []
+    rows = []
+    labels = []
+    joints = []
     continuous = np.array([name in model.continuous for name in model.joint_names])
     unlimited = continuous & (model.upper - model.lower >= 2.0 * np.pi)
     for side, limits, sign in (("lower", model.lower, 1.0), ("upper", model.upper, -1.0)):
@@ -152,7 +155,8 @@ class RegionAvoiding(Metric):
     def __repr__(self) -> str:
         count = len(self._region.labels)
         inside = f"{count} function{'s' * (count > 1)}" if self.functions else "joint limits"
-        smallest, largest = np.min(self.margin), np.max(self.margin)
+        smallest = np.min(self.margin)
+        largest = np.max(self.margin)
         margin = f"{smallest:g}" + (f" to {largest:g}" if largest > smallest else "")
         return f"RegionAvoiding({self.metric!r}, {inside}, margin={margin})"
 
@@ -171,7 +175,8 @@ class RegionAvoiding(Metric):
         """Periods of the given metric, in coordinates in which the region is periodic, too."""
         if self.metric.periods is None:
             return None
-        rng, periods = np.random.default_rng(0), list(self.metric.periods)
+        rng = np.random.default_rng(0)
+        periods = list(self.metric.periods)
         for coordinate in np.flatnonzero(np.isfinite(periods)):
             q = rng.normal(size=(self.dim, _NUM_SAMPLES))
             shifted = q + periods[coordinate] * np.eye(self.dim)[:, [coordinate]]
@@ -214,7 +219,8 @@ class RegionAvoiding(Metric):
                 middle = (model.lower + model.upper) / 2.0
             q = np.where(both, middle, np.clip(0.0, model.lower, model.upper))
         q = self.metric.point("configuration", q)
-        gradients, tensor = region.gradients(q).full(), self.metric.matrix(q)
+        gradients = region.gradients(q).full()
+        tensor = self.metric.matrix(q)
         mobilities = np.sum(gradients.T * np.linalg.solve(tensor, gradients.T), axis=0)
         for label, mobility in zip(region.labels, mobilities, strict=True):
             if not 0.0 < mobility < np.inf:

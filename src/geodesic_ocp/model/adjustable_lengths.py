@@ -75,7 +75,8 @@ def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
         placement = model.pin.jointPlacements[index]
         offset = placement.translation * factors[index]
         scaled.jointPlacements[index] = pin.SE3(placement.rotation, offset)
-        body, size = model.pin.inertias[index], bodies[index]
+        body = model.pin.inertias[index]
+        size = bodies[index]
         scaled.inertias[index] = pin.Inertia(body.mass, size * body.lever, size**2 * body.inertia)
     for frame in scaled.frames:
         place = frame.placement

@@ -89,7 +89,8 @@ def trunk() -> Trunk:
 
     In the source the y offset of the centres of mass is 3e-11: rounding, set to zero.
     """
-    thorax, half_width = 0.188, 0.110
+    thorax = 0.188
+    half_width = 0.110
     clavicle = half_width - 0.010
     return Trunk(
         pelvis=0.040,
@@ -131,9 +132,11 @@ def _de_leva(sex: Sex) -> tuple[Segment, ...]:
     Here the palm faces the body: the sagittal axis of hand and forearm is x, that of the upper arm,
     which does not rotate with the palm, is y.
     """
-    segments, tips = [], (None, None, _HAND_LENGTH)
+    segments = []
+    tips = (None, None, _HAND_LENGTH)
     for row, rotates_with_palm, tip in zip(_DE_LEVA[sex], (False, True, True), tips, strict=True):
-        length, mass = row[0] / _STATURE[sex], row[1] / 100.0
+        length = row[0] / _STATURE[sex]
+        mass = row[1] / 100.0
         sagittal, transverse, z = (mass * (radius / 100.0 * length) ** 2 for radius in row[3:])
         x, y = (sagittal, transverse) if rotates_with_palm else (transverse, sagittal)
         centre = (0.0, 0.0, -row[2] / 100.0 * length)

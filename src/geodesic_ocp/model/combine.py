@@ -63,7 +63,8 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     pairs = list(zip(models, names, strict=True))
     continuous = [new[name] for model, new in pairs for name in model.continuous]
     hands = [new[hand] for model, new in pairs for hand in model.hands]
-    hand, bodies = names[0][models[0].hand], partial(_bodies, models, names)
+    hand = names[0][models[0].hand]
+    bodies = partial(_bodies, models, names)
     return Model(whole, hand, models[0].backend, tuple(continuous), bodies, tuple(hands))
 
 
@@ -95,7 +96,8 @@ def base_placements(
         raise ValueError(f"placements must be one for each of {count} {of}, got {given!r}")
     poses = []
     for index, value in enumerate(given):
-        rotation, position = np.eye(3), value
+        rotation = np.eye(3)
+        position = value
         if isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) > 0:
             rotation, position = value
         name = f"placements[{index}]"
@@ -109,7 +111,9 @@ def _unique_names(models: Sequence[Model]) -> list[dict[str, str]]:
     taken = {name for name, count in counts.items() if count == 1}
     result = []
     for model in models:
-        new, title, number = {}, model.name, 1
+        new = {}
+        title = model.name
+        number = 1
         if sum(other.name == model.name for other in models) > 1:
             title = f"{model.name} {number}"
         shared = [name for name in sorted(_names(model.pin)) if counts[name] > 1]

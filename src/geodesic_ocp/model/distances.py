@@ -56,10 +56,12 @@ def line_segment(
     capsule: Capsule, rotation: ca.SX | None = None, position: ca.SX | None = None
 ) -> LineSegment:
     """Return the segment of a capsule, moved by a rotation (3, 3) and a translation (3, 1) [m]."""
-    start, along = ca.SX(capsule.start), ca.SX(capsule.end) - ca.SX(capsule.start)
+    start = ca.SX(capsule.start)
+    along = ca.SX(capsule.end) - ca.SX(capsule.start)
     square = ca.sumsqr(along)  # a simpler expression before the rotation
     if rotation is not None and position is not None:
-        start, along = position + rotation @ start, rotation @ along
+        start = position + rotation @ start
+        along = rotation @ along
     return LineSegment(start, along, square)
 
 
@@ -76,7 +78,8 @@ def _distance_function(*are_points: bool) -> ca.Function:
 
     A call of it is an expression several times faster than the operations one by one.
     """
-    symbols, segments = [], []
+    symbols = []
+    segments = []
     for name, is_point in zip("ab", are_points, strict=True):
         own = [ca.SX.sym(name, 3), ca.SX.sym(f"{name}_along", 3), ca.SX.sym(f"{name}_square")]
         symbols += own
@@ -99,8 +102,11 @@ def _closest(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX, ca.SX]
     """Return the vector (3, 1) from the start of another segment, and where on both, from 0 to 1,
     they come closest.
     """
-    between, u, w = one.start - other.start, one.along, other.along
-    c, f = ca.dot(u, between), ca.dot(w, between)
+    between = one.start - other.start
+    u = one.along
+    w = other.along
+    c = ca.dot(u, between)
+    f = ca.dot(w, between)
     return between, *_fractions(one.square, ca.dot(u, w), other.square, c, f, _PARALLEL)
 
 
@@ -108,7 +114,9 @@ def segment_distances(start: Array, end: Array, other_start: Array, other_end: A
     """Return distances (...) [m] between segments, whose ends are (..., 3) each: numbers, many at
     once.
     """
-    u, w, between = end - start, other_end - other_start, start - other_start
+    u = end - start
+    w = other_end - other_start
+    between = start - other_start
     products = ((u, u), (u, w), (w, w), (u, between), (w, between))
     s, t = _fractions(*(np.vecdot(*pair) for pair in products))
     return np.asarray(np.linalg.norm(between + s[..., None] * u - t[..., None] * w, axis=-1))
@@ -253,7 +261,8 @@ def as_pair(pair: Any) -> tuple[str, str]:
 
 def add_named(found: dict[str, Any], name: str, value: Any) -> None:
     """Add a value under a name, with a number appended if the name is taken."""
-    unique, number = name, 1
+    unique = name
+    number = 1
     while unique in found:
         number += 1
         unique = f"{name} ({number})"
@@ -284,7 +293,8 @@ def nearest_to_obstacle(
         pose: rotation (3, 3) and position (3, 1) of the frame that it is fixed to, if it moves.
     """
     if isinstance(obstacle, HalfSpace):
-        normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
+        normal = ca.DM(obstacle.normal)
+        point = ca.SX(obstacle.point)
         starts = [end - radius * normal for end in segment.ends]
         heights = [ca.dot(normal, end - point) - radius for end in segment.ends]
         return [(at, at - high * normal, high) for at, high in zip(starts, heights, strict=True)]
@@ -292,12 +302,15 @@ def nearest_to_obstacle(
         other_radius = 0.0
         distance, here, there, _ = box_distance(segment.start, segment.along, obstacle, *pose)
     else:
-        other, other_radius = line_segment(as_capsule(obstacle), *pose), obstacle.radius
+        other = line_segment(as_capsule(obstacle), *pose)
+        other_radius = obstacle.radius
         _, s, t = _closest(segment, other)
-        here, there = segment.start + s * segment.along, other.start + t * other.along
+        here = segment.start + s * segment.along
+        there = other.start + t * other.along
         distance = segment_distance(segment, other)
     direction = (there - here) / distance
-    start, end = here + radius * direction, there - other_radius * direction
+    start = here + radius * direction
+    end = there - other_radius * direction
     return [(start, end, distance - (radius + other_radius))]
 
 
@@ -373,7 +386,8 @@ def _distances(
 ) -> Iterator[list[ca.SX]]:
     """Yield distances [m] of bodies from others; from a plane, those of a body's ends."""
     rows: dict[_Place, Indices] = {}
-    size, symbolic = 0, [has_symbols(body) or has_symbols(other) for _, body, other in apart]
+    size = 0
+    symbolic = [has_symbols(body) or has_symbols(other) for _, body, other in apart]
     for (_, body, other), as_given in zip(apart, symbolic, strict=True):
         for place in _places(body, other) if not as_given else ():
             if place not in rows:
@@ -388,7 +402,8 @@ def _distances(
             )
             yield [distance for _, _, distance in nearest]
             continue
-        own, found = np.concatenate([rows[each] for each in _places(body, other)]), list[ca.SX]()
+        own = np.concatenate([rows[each] for each in _places(body, other)])
+        found = list[ca.SX]()
         terms = _distance_terms(_is_point(body), _kind(other), _moves(other))
         for numbers in _numbers(body, other):
             distance = terms.value(points[own.tolist()], numbers)[1]
@@ -416,7 +431,8 @@ def _moves(other: Obstacle) -> bool:
 @lru_cache(maxsize=64)
 def _points(model: Model, places: tuple[_Place, ...]) -> Terms:
     """Return starts and vectors to the ends, or centres, of bodies in the frames of links."""
-    q, points = ca.SX.sym("q", model.dof), [ca.SX(0, 1)]
+    q = ca.SX.sym("q", model.dof)
+    points = [ca.SX(0, 1)]
     for body, link in places:
         capsule = as_capsule(body)
         rotation, position = _pose(model, q, body) or (ca.SX.eye(3), ca.SX.zeros(3))
@@ -424,7 +440,8 @@ def _points(model: Model, places: tuple[_Place, ...]) -> Terms:
         along = rotation @ (ca.SX(capsule.end) - ca.SX(capsule.start))
         if link is not None:
             turn, origin = model.frame_pose(link, q)
-            at, along = turn.T @ (at - origin), turn.T @ along
+            at = turn.T @ (at - origin)
+            along = turn.T @ along
         points += [at] if _is_point(body) else [at, along]
     return Terms(q, None, 0.0, ca.vertcat(*points), lasting=True)
 
@@ -448,12 +465,15 @@ def _distance_terms(is_point: bool, kind: type, moves: bool) -> Terms:
 
     one = segment(variables, is_point)
     if kind is HalfSpace:
-        normal, end, height = symbols(numbers, 3), symbols(numbers), symbols(numbers)
+        normal = symbols(numbers, 3)
+        end = symbols(numbers)
+        height = symbols(numbers)
         distance = ca.dot(normal, one.start + end * one.along) - height
         slopes = [normal, end * normal]
     elif kind is Box:
         box: Any = Box((0.0, 0.0, 0.0), symbols(numbers, 3))  # type: ignore[arg-type]
-        centre, turn = symbols(numbers, 3), symbols(numbers, 3, 3)
+        centre = symbols(numbers, 3)
+        turn = symbols(numbers, 3, 3)
         distance, _, _, slopes = box_distance(one.start, one.along, box, turn, centre)
     else:
         other = segment(variables if moves else numbers, kind is Ball)

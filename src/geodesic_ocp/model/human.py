@@ -27,8 +27,10 @@ from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
 
-DEFAULT_HEIGHT, DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
-_MAX_HEIGHT, _MAX_MASS = 3.0, 1000.0  # [m], [kg]: larger values are probably in other units
+DEFAULT_HEIGHT = 1.75  # [m], [kg]
+DEFAULT_MASS = 70.0  # [m], [kg]
+_MAX_HEIGHT = 3.0  # [m], [kg]: larger values are probably in other units
+_MAX_MASS = 1000.0  # [m], [kg]: larger values are probably in other units
 _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  # [height]
 # Winter, Biomechanics and Motor Control of Human Movement, table of densities; those of the trunk:
 # abdomen and pelvis, thorax, head and neck.
@@ -146,13 +148,16 @@ def _add_arm(
             hand" is, there is no frame of the link at the wrist.
     """
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))
-    bodies, links, placement = [], [], shoulder
+    bodies = []
+    links = []
+    placement = shoulder
     for (name, joints), segment in zip(_JOINTS_BEFORE.items(), segments, strict=True):
         for joint in joints:
             parent = _add_joint(model, parent, placement, f"{side[0].upper()}{joint}")
             placement = pin.SE3.Identity()
         model.appendBodyToJoint(parent, _inertia(segment, height, mass), placement)
-        link, tip = f"{side} {name}", np.array([0.0, 0.0, -segment.length * height])
+        link = f"{side} {name}"
+        tip = np.array([0.0, 0.0, -segment.length * height])
         frame = tool if link == hand else placement
         if link != hand:
             links.append(pin.Frame(link, parent, frame, pin.FrameType.BODY))
@@ -168,7 +173,8 @@ def _add_arm(
 def _add_joint(model: pin.Model, parent: int, placement: pin.SE3, name: str) -> int:
     """Add a joint of `_LIMITS` with its frame; returns its index."""
     lower, upper = (np.array([limit]) for limit in _LIMITS[name])
-    free, joint = np.array([np.inf]), _JOINTS[name[2]]()
+    free = np.array([np.inf])
+    joint = _JOINTS[name[2]]()
     name = f"{name}_joint"
     index = int(model.addJoint(parent, joint, placement, name, free, free, lower, upper))
     model.addJointFrame(index)
@@ -237,7 +243,8 @@ def human_upper_body(
     for name, distance in (("BP", segments.pelvis), ("BT", segments.abdomen.length)):
         for axis, offset in (("x", distance), ("z", 0.0), ("y", 0.0)):
             joints.append(_add_joint(person, joints[-1], above(offset), f"{name}{axis}"))
-    lumbar, thoracic = joints[3], joints[6]
+    lumbar = joints[3]
+    thoracic = joints[6]
     fixed = (segments.thorax, *segments.on_thorax)
     for joint, segment in ((lumbar, segments.abdomen), *((thoracic, each) for each in fixed)):
         person.appendBodyToJoint(joint, _inertia(segment, height, mass), pin.SE3.Identity())

@@ -39,7 +39,8 @@ def check_inertias(model: pin.Model) -> None:
     """
     rotates = [False] * model.njoints
     for index in range(1, model.njoints):
-        body, link = model.inertias[index], link_of(model, index)
+        body = model.inertias[index]
+        link = link_of(model, index)
         angular = motion_subspace(model, index)[3:]
         rotates[index] = rotates[model.parents[index]] or bool(np.any(angular))
         if not np.all(np.isfinite(body.toDynamicParameters())):
@@ -58,10 +59,12 @@ def check_inertias(model: pin.Model) -> None:
 
 def _check_mass_matrix(model: pin.Model) -> None:
     """Reject a mass matrix that is singular in every configuration: some joint moves no mass."""
-    rng, data = np.random.default_rng(0), model.createData()
+    rng = np.random.default_rng(0)
+    data = model.createData()
     weightless = model.copy()
     weightless.gravity = pin.Motion.Zero()
-    still, idle = np.zeros(model.nv), np.zeros(model.nv)
+    still = np.zeros(model.nv)
+    idle = np.zeros(model.nv)
     for _ in range(_NUM_CONFIGURATIONS):
         q = rng.uniform(-1.5, 1.5, model.nv)
         # Not crba, which omits entries if joints are not numbered depth first.
@@ -117,7 +120,8 @@ def robot_armature(model: Model) -> RobotArmature:
     """
     if model.armature.any():
         return RobotArmature(model.armature, "the model")
-    values, sources = np.zeros(model.dof), []
+    values = np.zeros(model.dof)
+    sources = []
     default = f"default of {DEFAULT_ARMATURE:g} kg m^2"
     entries = [entry for entry in _KNOWN if re.search(entry[1], model.name)]
     for row, (joint, unit) in enumerate(zip(model.joint_names, model.units, strict=True)):
@@ -161,7 +165,8 @@ def scale_inertias(
     """
     scaled = model.pin.copy()
     for index in range(1, scaled.njoints):
-        body, row = scaled.inertias[index], scaled.joints[index].idx_v
+        body = scaled.inertias[index]
+        row = scaled.joints[index].idx_v
         scaled.inertias[index] = pin.Inertia(
             mass_factors[row] * body.mass, body.lever, inertia_factors[row] * body.inertia
         )
@@ -179,7 +184,9 @@ def inertia_scale(model: Model) -> Array:
     Of a model with several hands, the joints that move the same hands belong together, such as
     those of an arm or of the trunk: mass and reach are those from the first of them on.
     """
-    result, several, whole = [], len(model.hands) > 1, model.pin
+    result = []
+    several = len(model.hands) > 1
+    whole = model.pin
     masses = [sum(whole.inertias[each].mass for each in tree) for tree in whole.subtrees]
     frames = [frame_index(whole, hand) for hand in model.hands]
     carriers = {frame: list(whole.supports[whole.frames[frame].parentJoint]) for frame in frames}
@@ -190,7 +197,8 @@ def inertia_scale(model: Model) -> Array:
     ]
     reaches: dict[tuple[int, ...], float] = {(): model.reach}
     for joint, unit in enumerate(model.units, start=1):
-        chain, hands = list(whole.supports[joint])[1:], moved[joint]
+        chain = list(whole.supports[joint])[1:]
+        hands = moved[joint]
         # The first joint of the tree, or of those that move the same hands.
         start = next(each for each in chain if not hands or moved[each] == hands)
         if hands not in reaches:

@@ -38,7 +38,8 @@ def joint_axes(model: Model, q: ArrayLike) -> JointAxes:
     data = model.pin.createData()
     pin.forwardKinematics(model.pin, data, np.asarray(q, dtype=float))
     chain = list(model.pin.supports[model.joint_of(model.hand)])[1:]
-    rotates, directions = [], []
+    rotates = []
+    directions = []
     for index in chain:
         twist = motion_subspace(model.pin, index)
         rotates.append(bool(np.any(twist[3:])))
@@ -67,7 +68,8 @@ def upright(model: Model) -> Array:
     q = np.clip(np.zeros(model.dof), model.lower, model.upper)
     if not model.shared_joints:
         return q
-    axes, ends = joint_axes(model, q), (model.lower, model.upper)
+    axes = joint_axes(model, q)
+    ends = (model.lower, model.upper)
     for name, number, direction in zip(axes.names, axes.coordinates, axes.directions, strict=True):
         rises = float(direction @ upward(model))
         if name in model.shared_joints and model.units[number] == "m" and abs(rises) > _VERTICAL:

@@ -22,7 +22,8 @@ _PER_VELOCITY = (
     *("lowerDryFrictionLimit", "lowerEffortLimit", "lowerVelocityLimit"),
     *("upperDryFrictionLimit", "upperEffortLimit", "upperVelocityLimit"),
 )
-_NUM_RANDOM, _NUM_STARTS = 128, 8
+_NUM_RANDOM = 128
+_NUM_STARTS = 8
 _STRETCHED = 1e-7  # relative distance from the sum of the links' lengths
 
 
@@ -47,7 +48,8 @@ def with_distinct_frames(*models: pin.Model) -> tuple[list[pin.Model], dict[str,
 
     With them the original names by the new ones, for `restore_frames`.
     """
-    original, copies = dict[str, str](), [model.copy() for model in models]
+    original = dict[str, str]()
+    copies = [model.copy() for model in models]
     joints = {str(name) for model in models for name in model.names}
     for copy in copies:
         for frame in list(copy.frames)[1:]:
@@ -152,22 +154,28 @@ def with_angles(model: pin.Model) -> pin.Model:
     if not continuous and all(joint.shortname() != _COMPOSITE for joint in model.joints):
         return model.copy()
     result = pin.Model()
-    result.name, result.gravity = model.name, model.gravity
+    result.name = model.name
+    result.gravity = model.gravity
     result.inertias[0] = model.inertias[0]
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    lower = model.lowerPositionLimit
+    upper = model.upperPositionLimit
     for index in range(1, model.njoints):
-        joint, name = model.joints[index], model.names[index]
-        low, high = lower[joint.idx_q], upper[joint.idx_q]
+        joint = model.joints[index]
+        name = model.names[index]
+        low = lower[joint.idx_q]
+        high = upper[joint.idx_q]
         placement = model.jointPlacements[index]
         while joint.shortname() == _COMPOSITE:
             parts = joint.extract()
             joint = parts.joints[0]
             placement = placement * parts.jointPlacements[0]
         if name in continuous:
-            low, high = -DEFAULT_LIMIT, DEFAULT_LIMIT
+            low = -DEFAULT_LIMIT
+            high = DEFAULT_LIMIT
             joint = joint_along(motion_subspace(model, index)[3:])
         row = result.joints[result.addJoint(model.parents[index], joint, placement, name)].idx_q
-        result.lowerPositionLimit[row], result.upperPositionLimit[row] = low, high
+        result.lowerPositionLimit[row] = low
+        result.upperPositionLimit[row] = high
         result.inertias[index] = model.inertias[index]
     for values in _PER_VELOCITY:
         setattr(result, values, getattr(model, values).copy())
@@ -226,7 +234,8 @@ def max_reach(
     if start not in chain:
         longest = np.inf
     for index in chain:
-        i, subspace = model.joints[index].idx_v, motion_subspace(model, index)
+        i = model.joints[index].idx_v
+        subspace = motion_subspace(model, index)
         if np.any(subspace[:3]):
             longest = np.inf
         if not np.any(subspace[3:]) and not np.isfinite(upper[i] - lower[i]):

@@ -57,10 +57,12 @@ def _fitted(vertices: bytes) -> tuple[Point, Point, float]:
     size = float(np.ptp(cloud, axis=0).max())
     principal = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=True)[2]
 
-    columns, squares = np.ascontiguousarray(cloud.T), np.sum(cloud**2, axis=1)
+    columns = np.ascontiguousarray(cloud.T)
+    squares = np.sum(cloud**2, axis=1)
 
     def volume(ends: Array) -> float:
-        start, along = ends[:3], ends[3:] - ends[:3]
+        start = ends[:3]
+        along = ends[3:] - ends[:3]
         length = float(along @ along)
         upto = along @ columns - along @ start  # a few products, as there are many evaluations
         least = np.clip(upto / max(length, np.finfo(float).tiny), 0.0, 1.0)
@@ -102,7 +104,8 @@ def _segment_along(cloud: Array, axis: Array) -> Array:
     radial = cloud - middle - height[:, None] * axis
     radius = np.linalg.norm(radial, axis=1).max()
     cap = np.sqrt(np.maximum(radius**2 - np.sum(radial**2, axis=1), 0.0))
-    low, high = float((height + cap).min()), float((height - cap).max())
+    low = float((height + cap).min())
+    high = float((height - cap).max())
     if low > high:
         low = high = (low + high) / 2.0
     return np.concatenate([middle + low * axis, middle + high * axis])
@@ -175,7 +178,8 @@ class LinkGeometry:
 
 def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:
     """Get the ball or capsule that a shape of coal is, or a capsule around it, at its placement."""
-    kind, centre = type(shape).__name__, placement.translation
+    kind = type(shape).__name__
+    centre = placement.translation
     if kind == "Sphere":
         return Ball(tuple(centre), float(shape.radius), link)
     if kind == "Capsule":
@@ -189,8 +193,10 @@ def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:
 def shape_of(body: Body) -> tuple[Any, pin.SE3, str]:
     """Return a ball or capsule as a shape of coal with its placement and link."""
     capsule = as_capsule(body)
-    start, end = np.array(capsule.start), np.array(capsule.end)
-    length, middle = float(np.linalg.norm(end - start)), (start + end) / 2.0
+    start = np.array(capsule.start)
+    end = np.array(capsule.end)
+    length = float(np.linalg.norm(end - start))
+    middle = (start + end) / 2.0
     if length == 0.0:
         return pin.coal.Sphere(body.radius), pin.SE3(np.eye(3), middle), str(body.link)
     placement = pin.SE3(turn_to((end - start) / length), middle)
@@ -210,7 +216,8 @@ def points_of(shape: Any) -> Array | None:
         return np.asarray(_cube((-1.0, 1.0)) * np.array(shape.halfSide))
     if kind in ("Cylinder", "Cone"):
         angles = 2.0 * np.pi * np.arange(_RIM) / _RIM
-        radius, half = float(shape.radius) / np.cos(np.pi / _RIM), float(shape.halfLength)
+        radius = float(shape.radius) / np.cos(np.pi / _RIM)
+        half = float(shape.halfLength)
         rim = radius * np.column_stack([np.cos(angles), np.sin(angles)])
         return np.concatenate([np.insert(rim, 2, height, axis=1) for height in (-half, half)])
     if kind == "Ellipsoid":
@@ -237,7 +244,8 @@ def triangles_of(shape: Any) -> NDArray[np.int64] | None:
 
 def _with_all_parts(given: pin.GeometryObject) -> Any:
     """Return the shape of a geometry, a mesh of several materials with the right triangles."""
-    triangles, points = triangles_of(given.geometry), points_of(given.geometry)
+    triangles = triangles_of(given.geometry)
+    points = points_of(given.geometry)
     if triangles is None or points is None:
         return given.geometry
     points, parts = material_parts(given.meshPath, points, triangles, given.meshScale)

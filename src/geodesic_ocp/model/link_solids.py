@@ -51,7 +51,8 @@ class LinkSolid:
     @cached_property
     def capsules(self) -> tuple[Capsule, ...]:
         """Capsules that contain the shapes, one for each: the bodies of `Model.bodies`."""
-        into_link, found = self.at_joint.inverse(), []
+        into_link = self.at_joint.inverse()
+        found = []
         for shape, at in self.shapes:
             body = as_capsule(enclosing_body(shape, into_link * at, self.link))
             start, end = (tuple(self.at_joint.act(np.array(at))) for at in (body.start, body.end))
@@ -109,7 +110,8 @@ def reach_bound(model: Model, solids: Sequence[LinkSolid]) -> tuple[Array, float
     The radius is the length of the chain of joints with the last link's extent.
     """
     whole = model.pin
-    lower, upper = model.lower, model.upper
+    lower = model.lower
+    upper = model.upper
     centre = np.array(whole.jointPlacements[1].translation)
     radius = 0.0
     for solid in solids:
@@ -136,7 +138,8 @@ def _parent(model: pin.Model, link: str, known: Container[str]) -> str:
 
 def _convex_if_it_is(shape: Any) -> Any:
     """Return the convex body of a closed mesh no vertex of which lies in front of a triangle."""
-    triangles, points = triangles_of(shape), points_of(shape)
+    triangles = triangles_of(shape)
+    points = points_of(shape)
     if triangles is None or points is None or len(triangles) != 2 * len(points) - 4:  # Euler
         return shape
     first, second, third = (points[triangles[:, column]] for column in range(3))
@@ -165,7 +168,8 @@ def joint_poses(model: Model, q: Array) -> tuple[Array, Array]:
     for k, row in enumerate(q):
         pin.forwardKinematics(model.pin, data, row)
         for index, placement in enumerate(data.oMi):
-            rotations[k, index], positions[k, index] = placement.rotation, placement.translation
+            rotations[k, index] = placement.rotation
+            positions[k, index] = placement.translation
     return rotations, positions
 
 
@@ -202,6 +206,7 @@ def _placed(solid: LinkSolid, pose: Pose) -> list[tuple[Any, Any]]:
     rotation, position = pose
     placed = []
     for shape, at in solid.fast_shapes:
-        turn, shift = rotation @ at.rotation, rotation @ at.translation + position
+        turn = rotation @ at.rotation
+        shift = rotation @ at.translation + position
         placed.append((shape, pin.coal.Transform3s(turn, shift)))
     return placed

@@ -28,10 +28,16 @@ SIDES = 32  # of the polygon in place of a circle
 _LINK: Colour = (0.76, 0.78, 0.81)
 _JOINT: Colour = (0.38, 0.43, 0.50)
 # The radius of a joint is a share of the extent, but fits between the joints of the shortest link.
-_RADIUS, _THINNEST, _OF_SHORTEST = 0.035, 0.012, 0.35
+_RADIUS = 0.035
+_THINNEST = 0.012
+_OF_SHORTEST = 0.35
 # Other sizes, per radius of a joint.
-_HALF_LENGTH, _BALL, _STRUT, _HAND = 1.25, 1.15, (0.62, 0.5), 0.8
-_SLIDER, _RAIL = (0.95, 0.95, 1.3), 0.4
+_HALF_LENGTH = 1.25
+_BALL = 1.15
+_STRUT = (0.62, 0.5)
+_HAND = 0.8
+_SLIDER = (0.95, 0.95, 1.3)
+_RAIL = 0.4
 _NO_EXTENT = 0.25  # [m], extent of a model whose joints and frames are all at one place
 
 
@@ -87,7 +93,8 @@ def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surfa
     low = np.linspace(-np.pi / 2.0, tilt, SIDES // 4 + 2)
     high = np.linspace(tilt, np.pi / 2.0, SIDES // 4 + 2)
     size = max(first, last)
-    radii_of, angles = np.repeat([first, last], len(low)), np.concatenate([low, high])
+    radii_of = np.repeat([first, last], len(low))
+    angles = np.concatenate([low, high])
     heights = radii_of * np.sin(angles) + np.repeat([0.0, length], len(low))
     vertices, triangles = revolved(np.column_stack([radii_of * np.cos(angles), heights]) / size)
     return moved((size * vertices, triangles), turn_to(end - start), start)
@@ -114,7 +121,8 @@ def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0)
         roundness: exponent of the superellipses in place of ellipses; above 2 is squarer.
     """
     rows = np.asarray(sections, dtype=float)
-    low, high = rows[0, 0], rows[-1, 0]
+    low = rows[0, 0]
+    high = rows[-1, 0]
     lower, upper = (np.pi / 2.0 * np.linspace(0.0, 1.0, SIDES // 6) for _ in caps)
     middle = np.linspace(low + caps[0], high - caps[1], SIDES // 4 + 1)[1:-1]
     heights = np.concatenate(
@@ -176,14 +184,16 @@ def body_mesh(body: Capsule | Ball | Box) -> Mesh:
         placed = moved(surface, np.array(body.rotation), np.array(body.centre))
         return Mesh(str(body.link), *placed, GREY)
     capsule = as_capsule(body)
-    start, end = np.array(capsule.start), np.array(capsule.end)
+    start = np.array(capsule.start)
+    end = np.array(capsule.end)
     return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)
 
 
 @singledispatch
 def _surface(shape: Any) -> Surface:
     """Return surface of a shape of coal in its own frame; vertices of a mesh are already scaled."""
-    points, triangles = points_of(shape), triangles_of(shape)
+    points = points_of(shape)
+    triangles = triangles_of(shape)
     if points is None:
         raise ValueError(f"a {type(shape).__name__} has no surface")
     return hull(points) if triangles is None else (points, triangles)
@@ -204,7 +214,8 @@ def _(shape: Any) -> Surface:
 
 def chain_ends(model: Model) -> list[int]:
     """Return indices in `pin` of the hand frames and of the farthest frame of every other chain."""
-    ends, frames = [frame_index(model.pin, hand) for hand in model.hands], list(model.pin.frames)
+    ends = [frame_index(model.pin, hand) for hand in model.hands]
+    frames = list(model.pin.frames)
     for joint in sorted(set(range(1, model.pin.njoints)) - set(model.pin.parents)):
         attached = [index for index, frame in enumerate(frames) if frame.parentJoint == joint]
         if not set(ends) & set(attached):
@@ -230,7 +241,8 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
     struts = [each for each in _struts(model) if each[0] not in drawn]
     extent = _extent(model)
     lengths = [np.linalg.norm(end) for _, _, end in struts]
-    thin, thick = _THINNEST * extent, _RADIUS * extent
+    thin = _THINNEST * extent
+    thick = _RADIUS * extent
     radius = float(np.clip(min(lengths, default=extent) * _OF_SHORTEST, thin, thick))
     touched = {joint for start, stop, _ in struts for joint in (start, stop)}
     for joint, last, end in struts:
@@ -300,7 +312,8 @@ def _places(model: Model, extent: float) -> list[list[int]]:
 
 def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Iterator[Mesh]:
     """Yield the joints at one place."""
-    first, rotates = joints[0], _rotates(model, joints[0])
+    first = joints[0]
+    rotates = _rotates(model, joints[0])
     twist = motion_subspace(model.pin, first)
     turn = turn_to(twist[3:] if rotates else twist[:3])
     form = ellipsoid(_BALL * radius)
@@ -312,7 +325,8 @@ def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Ite
         return
     low, high = _travel(model, first)
     if low == high:  # no limits are known
-        low, high = -0.25 * extent, 0.25 * extent
+        low = -0.25 * extent
+        high = 0.25 * extent
     place = model.pin.jointPlacements[first] * pin.SE3(turn, turn[:, 2] * (low + high) / 2.0)
     half = np.array([_RAIL * radius, _RAIL * radius, (high - low) / 2.0])
     rail = moved(box(half), place.rotation, place.translation)

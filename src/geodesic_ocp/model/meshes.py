@@ -26,7 +26,8 @@ from geodesic_ocp.model.person_look import mirrored, person
 
 MAX_TRIANGLES = 60000  # per model, which keeps a page with four robots below a few MB
 _known: WeakKeyDictionary[Model, tuple[Mesh, ...]] = WeakKeyDictionary()
-_TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg], of the models of people
+_TALLEST = 3.0  # [m], [kg], of the models of people
+_HEAVIEST = 1000.0  # [m], [kg], of the models of people
 _WIDTHS = (0.5, 2.0)  # of the shoulders, relative to those of the table
 _LEVEL = 0.2  # least distance between shoulders along one axis, over that across it
 _OPPOSITE = {"right": "left", "left": "right"}
@@ -88,7 +89,8 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
         Meshes, and the rotation (3, 3) and position (3,) [m] of their common frame in the base
         frame; None for a model that is not one or both arms of a person, or that has a trunk.
     """
-    arms, height = person_arms(model), stature(model)
+    arms = person_arms(model)
+    height = stature(model)
     sides = {arm.side: arm for arm in arms}
     only_arms = model.dof == 7 * len(arms) == 7 * len(sides) and not person_trunks(model)
     if not arms or not only_arms or height is None or height > _TALLEST:
@@ -96,9 +98,11 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
     person = _whole(height, _mass(arms[0], height))
     half_width = person_trunks(person)[0].half_width
     rest = {side: _at_rest(model, shoulder_joint(model, arm)) for side, arm in sides.items()}
-    turn, width = rest[arms[0].side][0], 1.0
+    turn = rest[arms[0].side][0]
+    width = 1.0
     if len(arms) == 2:
-        (right_turn, right), (left_turn, left) = rest["right"], rest["left"]
+        (right_turn, right) = rest["right"]
+        (left_turn, left) = rest["left"]
         apart = (right - left) @ right_turn
         width = float(apart[0]) / (2.0 * half_width)
         level = np.abs(apart[1:]).max() <= _LEVEL * np.linalg.norm(apart)
@@ -140,7 +144,8 @@ def _mass(arm: PersonArm, height: float) -> float:
 
 def _at_rest(model: Model, frame: str) -> tuple[Array, Array]:
     """Return rotation and position of a frame at q = 0, where axes are those of the base."""
-    data, index = model.pin.createData(), frame_index(model.pin, frame)
+    data = model.pin.createData()
+    index = frame_index(model.pin, frame)
     pin.forwardKinematics(model.pin, data, np.zeros(model.dof))  # far faster than a symbolic one
     place = pin.updateFramePlacement(model.pin, data, index)
     return np.array(place.rotation), np.array(place.translation)
@@ -231,14 +236,17 @@ def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
         low, high, uses = _edges(triangles, number)
         ends = np.concatenate([low[uses != 2], high[uses != 2]])
         at_border = np.bincount(ends, minlength=number)
-        start, stop = np.concatenate([low, high]), np.concatenate([high, low])
+        start = np.concatenate([low, high])
+        stop = np.concatenate([high, low])
         around = np.tile(uses, 2)
         # Vertices of borders, and of edges of three triangles or more, move along these; where
         # such lines meet or end, they stay.
         free = (at_border[start] == 0) | ((at_border[start] == 2) & (around != 2))
         once = np.flatnonzero(tried[start])
         free[once[np.isin(start[once] * number + stop[once], barred)]] = False
-        start, stop, around = start[free], stop[free], around[free]
+        start = start[free]
+        stop = stop[free]
+        around = around[free]
         along = points.take(stop, axis=0) - points.take(start, axis=0)
         error = _dot(quadrics.take(start, axis=0), products.take(stop, axis=0))
         cost = np.maximum(error, 0.0) + _EDGE**2 * _dot(along, along) ** 2
@@ -251,7 +259,8 @@ def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
         limit = np.quantile(possible, _SHARE)
         best = np.flatnonzero((cost <= limit) & (cost == least[start]))
         best = best[np.unique(start[best], return_index=True)[1]]
-        mover, goal = start[best], stop[best]
+        mover = start[best]
+        goal = stop[best]
         onto = np.full(number, -1)
         onto[mover] = goal
         folds = _turned(points, triangles, onto)[mover]
@@ -263,9 +272,13 @@ def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
         barred = np.concatenate([barred, mover[folds] * number + goal[folds]])
         tried[mover[folds]] = True
 
-        mover, goal, price = mover[~folds], goal[~folds], cost[best[~folds]]
+        mover = mover[~folds]
+        goal = goal[~folds]
+        price = cost[best[~folds]]
         order = np.lexsort((np.random.default_rng(0).permutation(len(mover)), price))
-        mover, goal = mover[order], goal[order]  # at random among equals, such as in a plane
+        # at random among equals, such as in a plane
+        mover = mover[order]
+        goal = goal[order]
         rank = np.full(number, number)
         rank[mover] = np.arange(len(mover))
         first = np.full(number, number)
@@ -273,7 +286,8 @@ def _collapsed(points: Array, triangles: Indices, count: int) -> Indices:
         np.minimum.at(first, high, rank[low])
         chosen = np.flatnonzero(rank[mover] < first[mover])
         chosen = chosen[: max((len(triangles) - count) // 2, 1)]
-        mover, goal = mover[chosen], goal[chosen]
+        mover = mover[chosen]
+        goal = goal[chosen]
         np.add.at(quadrics, goal, quadrics[mover])
         onto = np.arange(number)
         onto[mover] = goal
@@ -288,7 +302,8 @@ def _dot(a: Array, b: Array) -> Array:
 
 def _edges(triangles: Indices, number: int) -> tuple[Indices, Indices, Indices]:
     """Return the lower and the higher end of each edge, and of how many triangles it is."""
-    one, other = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    one = triangles.reshape(-1)
+    other = np.roll(triangles, -1, axis=1).reshape(-1)
     keys = np.minimum(one, other) * number + np.maximum(one, other)
     keys, uses = np.unique(keys, return_counts=True)
     low, high = np.divmod(keys, number)
@@ -300,7 +315,10 @@ def _turned(points: Array, triangles: Indices, onto: Indices) -> NDArray[np.bool
     tip, left, right = (np.roll(triangles, shift, axis=1).reshape(-1) for shift in (0, -1, -2))
     goal = onto[tip]
     remains = (goal >= 0) & (goal != left) & (goal != right)
-    tip, left, right, goal = tip[remains], left[remains], right[remains], goal[remains]
+    tip = tip[remains]
+    left = left[remains]
+    right = right[remains]
+    goal = goal[remains]
     corner = points.take(left, axis=0)
     side = points.take(right, axis=0) - corner
     before = np.cross(side, points.take(tip, axis=0) - corner)
@@ -328,13 +346,16 @@ def _quadrics(points: Array, triangles: Indices) -> Array:
     a, b, c = points[triangles].transpose(1, 0, 2)
     across = np.cross(b - a, c - a)
     areas = np.linalg.norm(across, axis=1) / 2.0
-    one, other = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    one = triangles.reshape(-1)
+    other = np.roll(triangles, -1, axis=1).reshape(-1)
     low, high, uses = _edges(triangles, len(points))
     border = np.isin(
         np.minimum(one, other) * len(points) + np.maximum(one, other),
         (low * len(points) + high)[uses != 2],
     )
-    one, other, owner = one[border], other[border], np.flatnonzero(border) // 3
+    one = one[border]
+    other = other[border]
+    owner = np.flatnonzero(border) // 3
     along = points[other] - points[one]
     quadrics = np.zeros((len(points), 10))
     for normals, where, weight, corners in (

@@ -149,7 +149,8 @@ class Model:
         """Return the range of the joint inertia in words; "" if there is none."""
         if not self.armature.any():
             return ""
-        low, high = self.armature.min(), self.armature.max()
+        low = self.armature.min()
+        high = self.armature.max()
         shown = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
         units = {"kg m^2" if unit == "rad" else "kg" for unit in self.units}
         return f"joint inertia {shown} {' and '.join(sorted(units))}"
@@ -348,7 +349,8 @@ class Model:
             if low > high or low == np.inf or high == -np.inf:  # the range is empty
                 raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
         limited = self.pin.copy()
-        limited.lowerPositionLimit, limited.upperPositionLimit = lower, upper
+        limited.lowerPositionLimit = lower
+        limited.upperPositionLimit = upper
         return replace(self, pin=limited)
 
     def with_hand(self, hand: str, *others: str) -> Model:

@@ -91,7 +91,8 @@ _NECK_RADII = (0.66, 0.58)  # per radius of the head
 
 def person(model: Model) -> tuple[list[Mesh], list[Body]]:
     """Get meshes of the arms and trunks of people in a model, and its bodies that these replace."""
-    meshes, bodies = list[Mesh](), list[Body]()
+    meshes = list[Mesh]()
+    bodies = list[Body]()
     for arm in person_arms(model):
         meshes += _arm(model, arm)
         bodies += arm.bodies
@@ -117,7 +118,8 @@ def _arm(model: Model, arm: PersonArm) -> Iterator[Mesh]:
 def _trunk(model: Model, trunk: PersonTrunk) -> Iterator[Mesh]:
     abdomen, thorax, head = trunk.bodies
     # Chest and shoulders, from the height of the shoulders down.
-    height, wide = abs(thorax.end[2] - thorax.start[2]), trunk.half_width
+    height = abs(thorax.end[2] - thorax.start[2])
+    wide = trunk.half_width
     rows = np.array(_THORAX) * [height, wide, thorax.radius, wide, thorax.radius]
     chest = loft(rows, (0.30 * height, 0.05 * height), roundness=2.3)
     yield Mesh(str(thorax.link), *chest, _BODY)
@@ -130,7 +132,8 @@ def _trunk(model: Model, trunk: PersonTrunk) -> Iterator[Mesh]:
     # Below the lumbar joint, at the origin.
     rows = _scaled(_PELVIS, length, abdomen.radius)
     pelvis = loft(rows, (1.1 * length, 0.6 * length), roundness=2.2)
-    place, parent = model.pin.jointPlacements[trunk.lumbar], model.pin.parents[trunk.lumbar]
+    place = model.pin.jointPlacements[trunk.lumbar]
+    parent = model.pin.parents[trunk.lumbar]
     base = next(str(each.name) for each in model.pin.frames if each.parentJoint == parent)
     yield Mesh(base, *moved(pelvis, place.rotation, place.translation), _BODY)
 
@@ -167,7 +170,9 @@ def _hand(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
 
 def _head(body: Capsule) -> tuple[Surface, Surface]:
     """Return head from chin to crown, and neck; heights [m] are above the shoulders."""
-    low, height, radius = body.start[2], body.end[2] - body.start[2], body.radius
+    low = body.start[2]
+    height = body.end[2] - body.start[2]
+    radius = body.radius
     rows = np.add(_scaled(_HEAD, height, radius), [low, 0.0, 0.0, 0.0, 0.0])
     ends = [np.array([0.0, y * radius, low + z * height]) for z, y in _NECK]
     neck = strut(ends[0], ends[1], (_NECK_RADII[0] * radius, _NECK_RADII[1] * radius))

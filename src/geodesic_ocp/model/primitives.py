@@ -189,11 +189,14 @@ def box_distance(
         box: the box.
         rotation, position: pose of the frame that the box is fixed to; None: the base frame.
     """
-    turn, centre = ca.SX(ca.DM(box.rotation)), ca.SX(box.centre)
+    turn = ca.SX(ca.DM(box.rotation))
+    centre = ca.SX(box.centre)
     if rotation is not None and position is not None:
-        turn, centre = rotation @ turn, position + rotation @ centre
+        turn = rotation @ turn
+        centre = position + rotation @ centre
     half = ca.SX(box.size) / 2.0
-    a, u = turn.T @ (start - centre), turn.T @ along
+    a = turn.T @ (start - centre)
+    u = turn.T @ along
     t = _nearest_parameter(a, u, half)
     here = a + t * u
     there = _clipped(here, -half, half)
@@ -209,7 +212,8 @@ def _overlap(is_point: bool) -> ca.Function:
     """Return the function (a, u, half) -> overlap of a box and a segment, 0 if they are apart, and
     its gradients by a and u.
     """
-    a, half = ca.SX.sym("a", 3), ca.SX.sym("half", 3)
+    a = ca.SX.sym("a", 3)
+    half = ca.SX.sym("half", 3)
     u = ca.SX.sym("u", 3)
     overlap = ca.fmax(_penetration(a, ca.SX.zeros(3) if is_point else u, half), 0.0)
     outputs = [overlap, *(ca.gradient(overlap, each) for each in (a, u))]
@@ -226,7 +230,8 @@ def _nearest_parameter(a: ca.SX, u: ca.SX, half: ca.SX) -> ca.SX:
     square = ca.sumsqr(u)
     if square.is_zero():
         return ca.SX(0)
-    low, high = ca.SX(0), ca.SX(1)
+    low = ca.SX(0)
+    high = ca.SX(1)
     for k in range(3):
         for side in (-half[k], half[k]):
             t = ca.fmin(ca.fmax((side - a[k]) / u[k], 0.0), 1.0)  # 0 for 0 / 0, as fmax(nan, 0) is
@@ -244,10 +249,13 @@ def _penetration(a: ca.SX, u: ca.SX, half: ca.SX) -> ca.SX:
 
     Separating axes: Gottschalk, Lin, Manocha, "OBBTree" (1996).
     """
-    middle, square = a + u / 2.0, ca.sumsqr(u)
+    middle = a + u / 2.0
+    square = ca.sumsqr(u)
     overlaps = ca.vertsplit(half + ca.fabs(u) / 2.0 - ca.fabs(middle))
     for k in range(3) if not square.is_zero() else ():
-        i, j = (k + 1) % 3, (k + 2) % 3  # the axis is the k-th edge times u
+        # the axis is the k-th edge times u
+        i = (k + 1) % 3
+        j = (k + 2) % 3
         across = u[i] ** 2 + u[j] ** 2
         reach = half[i] * ca.fabs(u[j]) + half[j] * ca.fabs(u[i])
         overlap = reach - ca.fabs(middle[i] * u[j] - middle[j] * u[i])

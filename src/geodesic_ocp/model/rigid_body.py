@@ -53,16 +53,21 @@ def joint_placements(model: pin.Model, q: ca.SX) -> list[Placement]:
 
 def _moved(fixed: pin.SE3, subspace: Array, q: ca.SX) -> Placement:
     """Return a fixed placement times exp(S q) for a constant twist S = (linear, angular)."""
-    linear, angular = subspace[:3], subspace[3:]
-    start, origin = fixed.rotation, constant(fixed.translation)
+    linear = subspace[:3]
+    angular = subspace[3:]
+    start = fixed.rotation
+    origin = constant(fixed.translation)
     rate = float(np.linalg.norm(angular))
     if rate == 0.0:
         return Placement(constant(start), origin + constant(start @ linear) * q)
-    axis, angle = angular / rate, rate * q
-    cos, sin = ca.cos(angle), ca.sin(angle)
+    axis = angular / rate
+    angle = rate * q
+    cos = ca.cos(angle)
+    sin = ca.sin(angle)
     # Rodrigues' formula a a' + cos (1 - a a') + sin [a], with exact zeros for a coordinate axis.
     along = start @ np.outer(axis, axis)
-    across, turned = start - along, start @ pin.skew(axis)
+    across = start - along
+    turned = start @ pin.skew(axis)
     rotation = constant(along) + cos * constant(across) + sin * constant(turned)
     if np.any(linear):
         slide = linear / rate
@@ -79,11 +84,15 @@ def link_energies(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
     the order of the coordinates. Joint inertia (armature) is not part of any link.
     """
     placements = joint_placements(model, q)
-    linear, angular = [ca.SX.zeros(3)], [ca.SX.zeros(3)]  # of the origins of the bodies
+    # of the origins of the bodies
+    linear = [ca.SX.zeros(3)]
+    angular = [ca.SX.zeros(3)]
     energies = ca.SX.zeros(model.nv, 2)
     for index in range(1, model.njoints):
-        placement, parent = placements[index], model.parents[index]
-        body, row = model.inertias[index], model.joints[index].idx_v
+        placement = placements[index]
+        parent = model.parents[index]
+        body = model.inertias[index]
+        row = model.joints[index].idx_v
         slide, turn = _axis(model, index)
         into_body = placement.rotation.T
         at_joint = linear[parent] + ca.cross(angular[parent], placement.translation)
@@ -105,13 +114,15 @@ class _Inertia:
     second: ca.SX
 
     def __add__(self, other: _Inertia) -> _Inertia:
-        first, second = self.first + other.first, self.second + other.second
+        first = self.first + other.first
+        second = self.second + other.second
         return _Inertia(self.mass + other.mass, first, second)
 
     def in_parent(self, placement: Placement) -> _Inertia:
         """Return the same inertia in the parent frame, with the second moment about its origin."""
         first = placement.rotation @ self.first
-        arm, moment = ca.skew(placement.translation), ca.skew(first)
+        arm = ca.skew(placement.translation)
+        moment = ca.skew(first)
         second = placement.rotation @ self.second @ placement.rotation.T
         second -= arm @ moment + moment @ arm + self.mass * (arm @ arm)
         # Symmetric; written so, half of its entries are computed once.
@@ -120,7 +131,8 @@ class _Inertia:
 
 
 def _body_inertia(inertia: pin.Inertia) -> _Inertia:
-    lever, first = pin.skew(inertia.lever), constant(inertia.mass * inertia.lever)
+    lever = pin.skew(inertia.lever)
+    first = constant(inertia.mass * inertia.lever)
     about_origin = inertia.inertia - inertia.mass * lever @ lever
     return _Inertia(ca.SX(inertia.mass), first, constant(about_origin))
 
@@ -141,7 +153,9 @@ def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
     wrenches = [ca.SX(6, 0)] * model.njoints
     matrix = ca.SX(model.nv, model.nv)
     for index in range(model.njoints - 1, 0, -1):
-        body, row, parent = composite[index], model.joints[index].idx_v, model.parents[index]
+        body = composite[index]
+        row = model.joints[index].idx_v
+        parent = model.parents[index]
         linear, angular = _axis(model, index)
         force = body.mass * linear + ca.cross(angular, body.first)
         torque = ca.cross(body.first, linear) + body.second @ angular
@@ -183,18 +197,27 @@ def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca
     accelerations are those of the bodies' origins, as by Luh, Walker and Paul (1980): unlike
     Featherstone's spatial accelerations, they need no linear velocities.
     """
-    placements, none = joint_placements(model, q), ca.SX.zeros(3)
+    placements = joint_placements(model, q)
+    none = ca.SX.zeros(3)
     axes = [(none, none), *(_axis(model, index) for index in range(1, model.njoints))]
     # Of each body: its angular velocity and acceleration, and the acceleration of its origin.
-    velocity, angular, linear = [none], [none], [-gravity]
+    velocity = [none]
+    angular = [none]
+    linear = [-gravity]
     # Of each body: the matrix that maps offsets from its origin to relative accelerations.
     relative = [ca.SX.zeros(3, 3)]
-    forces, torques = [none], [none]  # on each body, later with its descendants
+    # on each body, later with its descendants
+    forces = [none]
+    torques = [none]
     for index in range(1, model.njoints):
-        placement, parent = placements[index], model.parents[index]
-        body, row = model.inertias[index], model.joints[index].idx_v
-        into_body, (linear_axis, axis) = placement.rotation.T, axes[index]
-        slide, turn = linear_axis * v[row], axis * v[row]
+        placement = placements[index]
+        parent = model.parents[index]
+        body = model.inertias[index]
+        row = model.joints[index].idx_v
+        into_body = placement.rotation.T
+        (linear_axis, axis) = axes[index]
+        slide = linear_axis * v[row]
+        turn = axis * v[row]
         carried = into_body @ velocity[parent]
         at_joint = linear[parent] + relative[parent] @ placement.translation
         velocity.append(carried + turn)
@@ -204,13 +227,16 @@ def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca
         )
         spin = ca.skew(velocity[index])
         relative.append(ca.skew(angular[index]) + spin @ spin)
-        lever, inertia = constant(body.lever), constant(body.inertia)
+        lever = constant(body.lever)
+        inertia = constant(body.inertia)
         forces.append(body.mass * (linear[index] + relative[index] @ lever))
         torque = inertia @ angular[index] + spin @ (inertia @ velocity[index])
         torques.append(torque + ca.cross(lever, forces[index]))
     joint_forces = ca.SX(model.nv, 1)
     for index in range(model.njoints - 1, 0, -1):
-        placement, parent, (slide, turn) = placements[index], model.parents[index], axes[index]
+        placement = placements[index]
+        parent = model.parents[index]
+        (slide, turn) = axes[index]
         along = ca.dot(slide, forces[index]) + ca.dot(turn, torques[index])
         row = model.joints[index].idx_v
         joint_forces[row] = along + model.armature[row] * a[row]
@@ -233,7 +259,8 @@ def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
 
 def potential_energy(model: pin.Model, q: ca.SX) -> ca.SX:
     """Return gravitational potential energy (1, 1) [J], zero at the height of the base."""
-    gravity, energy = constant(model.gravity.linear), ca.SX(1, 1)
+    gravity = constant(model.gravity.linear)
+    energy = ca.SX(1, 1)
     poses = joint_placements(model, q)
     for index in range(1, model.njoints):
         poses[index] = poses[model.parents[index]] @ poses[index]

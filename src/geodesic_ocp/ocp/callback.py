@@ -75,7 +75,8 @@ class LivePlot:
             ) from error
         if getattr(get_ipython(), "kernel", None) is None:
             raise ValueError("LivePlot works in a notebook only")
-        self._problem, self._interval = problem, interval
+        self._problem = problem
+        self._interval = interval
         self._display: Any = display
         self._handle: Any = None
         self._figure: Figure | None = None
@@ -98,7 +99,8 @@ class LivePlot:
             self._handle = self._display(self._figure, display_id=True)
         else:
             self._handle.update(self._figure)
-        self._drawn, self._waiting = perf_counter(), None
+        self._drawn = perf_counter()
+        self._waiting = None
 
     def close(self) -> None:
         """Draw the last iterate, if it was skipped."""

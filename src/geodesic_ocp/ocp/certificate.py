@@ -124,7 +124,8 @@ def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
 
     The derivatives are those by the inner nodes.
     """
-    n, grid = path.metric.dim, _usable(path)
+    n = path.metric.dim
+    grid = _usable(path)
     nodes = path.nodes if grid is path.grid and end == 1.0 else path(end * grid.nodes)
     # Not a problem with these ends, at which there may be no metric: the NLP is the same for all.
     transcription = geodesic_definition(path.metric).transcription(grid)
@@ -146,7 +147,8 @@ def _usable(path: Path) -> Grid:
 
 def _geodesic_decreases_nearby(path: Path, gradient: Array, hessian: Array) -> bool:
     """Return whether the energy decreases at small displacements of the inner nodes."""
-    grid, n = _usable(path), path.metric.dim
+    grid = _usable(path)
+    n = path.metric.dim
     nodes = path(grid.nodes)
     extent = float(np.ptp(nodes, axis=0).max())
     energy = fine_objective(Path(path.metric, grid, nodes))
@@ -187,7 +189,8 @@ def _iterate_decreases_nearby(iterate: FinalIterate, hessian: Array, basis: Arra
 
 def first_conjugate_point(path: Path) -> float:
     """Get s of the first point conjugate to the start, of a path whose Morse index is positive."""
-    below, above = 0.0, 1.0
+    below = 0.0
+    above = 1.0
     width = path.metric.dim * (max(path.grid.degree, _COARSER.degree) + 1)
     for _ in range(_BISECTIONS):
         middle = (below + above) / 2.0
@@ -224,7 +227,8 @@ _DRIFT = 0.05  # an unconstrained stationary path conserves its kinetic energy t
 # Forces in the scaled NLP above this belong to active conditions.
 _ACTIVE = 1e-6
 # Distance from a bound, and unbalanced force, in the scaled NLP.
-_AT_BOUND, _BALANCE = 1e-4, 1e-3
+_AT_BOUND = 1e-4
+_BALANCE = 1e-3
 _SMALLEST = np.finfo(float).tiny
 _DEPENDENT = 1e-10
 
@@ -347,7 +351,9 @@ def certify_iterate(iterate: FinalIterate, success: bool) -> Certificate:
         iterate: where the solver stopped.
         success: whether it is a solution.
     """
-    nlp, path, n = iterate.nlp, iterate.path, iterate.path.metric.dim
+    nlp = iterate.nlp
+    path = iterate.path
+    n = iterate.path.metric.dim
     has_cost = not nlp.conditions.cost.is_zero()
     momentum = -iterate.gradient()[:n] * nlp.units.scale / nlp.units.length
     drift = _energy_drift(path)
@@ -399,7 +405,8 @@ def _active(iterate: FinalIterate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]
     # Multiplier times gradient is the force of a condition, whatever the condition's unit.
     forces = np.abs(iterate.lam_g) * np.linalg.norm(iterate.constraints[1], axis=1)
     bounds = iterate.nlp.bounds
-    fixed_x, fixed_g = (bounds.lower == bounds.upper).ravel(), bounds.lower_g == bounds.upper_g
+    fixed_x = (bounds.lower == bounds.upper).ravel()
+    fixed_g = bounds.lower_g == bounds.upper_g
     return fixed_x | (np.abs(iterate.lam_x) > _ACTIVE), fixed_g | (forces > _ACTIVE)
 
 
@@ -412,14 +419,17 @@ def _reduced_hessian(iterate: FinalIterate) -> tuple[Array, Array]:
         normals = iterate.constraints[1][np.ix_(active_g, ~active_x)]
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SMALLEST)
         tangent = scipy.linalg.null_space(normals, rcond=_DEPENDENT)
-        reduced, basis = tangent.T @ reduced @ tangent, basis @ tangent
+        reduced = tangent.T @ reduced @ tangent
+        basis = basis @ tangent
     return reduced, basis
 
 
 def _is_first_order(iterate: FinalIterate) -> bool:
     """Return whether forces balance, and multipliers have the signs of their bounds."""
-    (g, jacobian), bounds = iterate.constraints, iterate.nlp.bounds
-    length, q = iterate.nlp.units.length, iterate.path.nodes
+    (g, jacobian) = iterate.constraints
+    bounds = iterate.nlp.bounds
+    length = iterate.nlp.units.length
+    q = iterate.path.nodes
     sizes = np.maximum(np.linalg.norm(jacobian, axis=1), _SMALLEST)
     wrong = [np.abs(iterate.balance)]
     for force, scale, value, lower, upper in (

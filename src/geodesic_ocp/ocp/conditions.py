@@ -326,7 +326,8 @@ class NodeBounds(ShortRepr):
             ValueError: a fixed end lies outside the problem's own bounds.
         """
         n = int(conditions.q.shape[0])
-        lower, upper = np.full((grid.size, n), -np.inf), np.full((grid.size, n), np.inf)
+        lower = np.full((grid.size, n), -np.inf)
+        upper = np.full((grid.size, n), np.inf)
         in_x = []
         for condition in conditions.bounds:
             columns = np.array(condition.coordinates)
@@ -338,7 +339,8 @@ class NodeBounds(ShortRepr):
         for condition in conditions.fixed:
             at_end, columns = np.divmod(np.array(condition.coordinates), n)
             for end, column, value in zip(at_end, columns, condition.lower, strict=True):
-                low, high = lower[-end, column], upper[-end, column]
+                low = lower[-end, column]
+                high = upper[-end, column]
                 rounding = _ROUNDING * max(np.max(condition.scale), abs(value))
                 if not low - rounding <= value <= high + rounding:
                     which = (
@@ -357,7 +359,8 @@ class NodeBounds(ShortRepr):
             *((group, grid.size) for group in conditions.groups),
             (conditions.along_qv, grid.collocations),
         )
-        in_g, start = list[_Rows](), 0
+        in_g = list[_Rows]()
+        start = 0
         for group, count in groups:
             if isinstance(group, Group) and group.inner is not None:
                 nodes, own = group.at_nodes(grid.nodes)
@@ -375,13 +378,12 @@ class NodeBounds(ShortRepr):
             scales_g[rows.index] = scales
             lower_g[rows.index] = rows.condition.lower / scales
             upper_g[rows.index] = rows.condition.upper / scales
-        return cls(
-            *(lower, upper, ends, lower_g, upper_g, scales_g, grid, tuple(in_x), tuple(in_g))
-        )
+        return cls(lower, upper, ends, lower_g, upper_g, scales_g, grid, tuple(in_x), tuple(in_g))
 
     def with_rows(self, upper: Array) -> NodeBounds:
         """Return these and upper bounds of further constraint functions, the last ones."""
-        lower, first = np.full(upper.size, -np.inf), self.lower_g.size
+        lower = np.full(upper.size, -np.inf)
+        first = self.lower_g.size
         rows = Condition("linearized conditions", ca.SX(upper.size, 1), lower, upper, None)
         return replace(
             self,
@@ -418,14 +420,16 @@ class NodeBounds(ShortRepr):
         Along the path, multipliers per unit of s are interpolated. They are zero for distances that
         were no part of the program.
         """
-        x, g = np.zeros(self.lower.size), np.zeros(self.lower_g.size)
+        x = np.zeros(self.lower.size)
+        g = np.zeros(self.lower_g.size)
         known = {rows.kind: (rows, source) for rows, source in before._all_rows(lam_x, lam_g)}
         every = list(self._all_rows(x, g))
         left_out = known.keys() ^ {rows.kind for rows, _ in every}
         here = {rows.kind: rows for rows, _ in every} | {k: r for k, (r, _) in known.items()}
         if any(here[kind].nodes is None for kind in left_out):
             return None
-        of_old, of_new = _nodes(before.grid), _nodes(self.grid)
+        of_old = _nodes(before.grid)
+        of_new = _nodes(self.grid)
         for rows, target in every:
             if rows.kind not in known:
                 continue
@@ -470,7 +474,8 @@ def _spacing(s: Array) -> Array:
 
 def _interleaved(group: Sequence[Condition], count: int, start: int) -> Iterator[_Rows]:
     """Yield rows in g of a group of conditions: all conditions of a node, then of the next."""
-    width, offset = sum(condition.size for condition in group), start
+    width = sum(condition.size for condition in group)
+    offset = start
     for condition in group:
         rows = offset + width * np.arange(count)[:, None]
         yield _Rows(condition, rows + np.arange(condition.size))

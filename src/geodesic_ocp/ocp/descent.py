@@ -26,14 +26,25 @@ from geodesic_ocp.trajectory.path import Path
 _CLEAR = 3e-3  # violation anywhere on a path
 _BETTER = 0.95  # of the violation before, if that was larger
 _CORRECTED = 0.2  # of a violation that is larger, by one step
-_RADIUS, _LEAST, _MOST = 0.15, 0.01, 0.3  # sizes of the problem
-_WIDER, _NARROWER = 1.3, 1.5  # factors, the one where nodes move by this share of the radius
+# sizes of the problem
+_RADIUS = 0.15
+_LEAST = 0.01
+_MOST = 0.3
+# factors, the one where nodes move by this share of the radius
+_WIDER = 1.3
+_NARROWER = 1.5
 _FAR = 0.7
-_STEPS, _LAST = 80, 5e-3  # relative decrease of the energy by the last step
+# relative decrease of the energy by the last step
+_STEPS = 80
+_LAST = 5e-3
 _PRECISION = 3e-3  # of a step, of the decrease of the energy by the one before
-_LEAST_SHARE, _REACH = 0.1, 3.0  # conditions that may count, as in `PathSamples.linearized`
+# conditions that may count, as in `PathSamples.linearized`
+_LEAST_SHARE = 0.1
+_REACH = 3.0
 _AT_FIRST = 0.1  # of what a step may change: conditions that are part of its first program
-_ROUNDS, _NEGLIGIBLE = 6, 1e-5  # in which others are added; violations of them
+# in which others are added; violations of them
+_ROUNDS = 6
+_NEGLIGIBLE = 1e-5
 _EDGE = 0.99  # of the radius
 
 # From a program, the radius, and the tolerance to its solution, or the last iterate.
@@ -59,8 +70,10 @@ def descend(definition: ProblemDefinition, solve: Solve, path: Path) -> tuple[Pa
     without = replace(definition.restricted({}), key=None)
     size = definition.size
     radius = _RADIUS * size
-    energy, violation = path.discrete_energy, _violation(samples, path)
-    decrease, last = 1.0, None
+    energy = path.discrete_energy
+    violation = _violation(samples, path)
+    decrease = 1.0
+    last = None
     for _ in range(_STEPS):
         allowed = max(_CLEAR, _BETTER * violation)
         step = _step(without, samples, path, radius, allowed, _PRECISION * decrease, solve)
@@ -70,15 +83,19 @@ def descend(definition: ProblemDefinition, solve: Solve, path: Path) -> tuple[Pa
         ends = [step.path, Path(path.metric, path.grid, (path.nodes + step.path.nodes) / 2.0)]
         tried = ((after, _violation(samples, after)) for after in ends if step.stats.success)
         taken, found = next((each for each in tried if each[1] <= allowed), (None, violation))
-        is_whole, is_last = taken is step.path, False
+        is_whole = taken is step.path
+        is_last = False
         if not is_whole or step.path.discrete_energy > energy:
             radius /= _NARROWER
         elif is_at_edge(path, step.path, _FAR * radius):
             radius = min(_WIDER * radius, _MOST * size)
         if taken is not None:
-            before, decrease = decrease, abs(energy - taken.discrete_energy) / (energy or 1.0)
+            before = decrease
+            decrease = abs(energy - taken.discrete_energy) / (energy or 1.0)
             is_last = is_whole and violation <= _CLEAR and max(before, decrease) <= _LAST
-            path, energy, violation = taken, taken.discrete_energy, found
+            path = taken
+            energy = taken.discrete_energy
+            violation = found
         if radius < _LEAST * size or is_last:
             break
     assert last is not None
@@ -103,7 +120,8 @@ def _step(
     Of the linear conditions, those enter that are nearly met with equality, and then those that the
     solution violates, while the path violates its conditions by more than is allowed.
     """
-    nlp, grid = build_nlp(definition, path.grid, path), path.grid
+    nlp = build_nlp(definition, path.grid, path)
+    grid = path.grid
     extent = max(float(np.ptp(path.nodes, axis=0).max()), radius)
     s, excess, slopes = samples.linearized(path, max(_LEAST_SHARE, _REACH * radius / extent))
     weights = grid.interpolate(grid.in_segments(np.eye(grid.size)), s)  # of the nodes, at s

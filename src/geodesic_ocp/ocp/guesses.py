@@ -35,27 +35,38 @@ _TINY = 1e-12
 # Of a path's extent, at least one size: how far samples of unbounded coordinates lie from it.
 _AROUND = 1.5
 _OWN = "the initial guess"
-_STARTS, _GOALS = 96, 8  # of the search for free ends, and how many of its configurations are kept
+# of the search for free ends, and how many of its configurations are kept
+_STARTS = 96
+_GOALS = 8
 # Detours.
 _S = np.linspace(0.0, 1.0, 25)  # of their nodes
 _BETWEEN = 4  # checks from one node to the next
-_DETOURS, _BENDS = 2, 24  # deterministic ones that are tried, and random ones
+# deterministic ones that are tried, and random ones
+_DETOURS = 2
+_BENDS = 24
 _OFFSET = 0.3  # of the box, at most one size: how far one leads aside
-_ROUNDS, _FIRM = 8, 30.0  # of pushing and smoothing; weight of pushed against smooth
+# of pushing and smoothing; weight of pushed against smooth
+_ROUNDS = 8
+_FIRM = 30.0
 _MARGIN = 0.1  # of the violation on the first path, by which nodes are pushed clear
 _LONGEST = 0.3  # step of a node
 _DEFORMATIONS = 5  # paths that are checked on the way from one path to another
 _SAME = 0.1  # paths nearer than this everywhere lead to the same solution
 _LITTLE_MORE = 1.25  # times the energy of the problem's own guess, that another one may have
 # The planner.
-_SAMPLES, _PLANS, _SHORTCUTS = 2000, 20, 300
+_SAMPLES = 2000
+_PLANS = 20
+_SHORTCUTS = 300
 _STALE = 3  # paths like others in a row, after which no new one is expected
 _AMONG_MANY = 3  # times as many samples among many bodies, where the straight line leads nowhere
 _REACH = 1.5  # longest line towards a sample
 _NEARBY = 0.2  # of the range of a constraint's values: nearer ones count
 _SPACING = 0.05  # between checks along a line
 _EACH = 8  # every so many of them become nodes of a tree
-_LINES, _SLIDE, _AWAY = 6, 0.5, 2e-3  # towards a sample, along what blocks, away from that
+# towards a sample, along what blocks, away from that
+_LINES = 6
+_SLIDE = 0.5
+_AWAY = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +101,8 @@ class FreeSpace:
         conditions = self.definition.conditions
         if self.near is None:
             return conditions.groups
-        found, known = list[Group](), dict[Terms, Array]()
+        found = list[Group]()
+        known = dict[Terms, Array]()
         for group in conditions.groups:
             over = np.maximum(*self._sides(group, self.near, known))
             # Compared with how much their values change; NaN is near.
@@ -122,12 +134,14 @@ class FreeSpace:
     def _values(self, q: Array, gradients: bool) -> tuple[Array, Array]:
         size = self.definition.size
         excess = np.full(len(q), -np.inf)
-        slopes, known = np.zeros(q.shape), dict[Terms, Array]()
+        slopes = np.zeros(q.shape)
+        known = dict[Terms, Array]()
         for group in self._groups if len(q) else ():
             below, above = self._sides(group, q, known)
             over = np.fmax(below, above)
             over[np.isnan(over)] = np.inf
-            worst, at = over.argmax(axis=1), np.arange(len(q))
+            worst = over.argmax(axis=1)
+            at = np.arange(len(q))
             more = over[at, worst] > excess
             excess[more] = over[at, worst][more]
             if gradients and np.any(more):
@@ -154,9 +168,12 @@ class FreeSpace:
 
     def num_free(self, every: Array) -> int:
         """Return the number of configurations (k, n) before the first that is not free."""
-        first, at_once = 0, 4  # most lines are blocked soon
+        # most lines are blocked soon
+        first = 0
+        at_once = 4
         while first < len(every):
-            q, known = every[first : first + at_once], dict[Terms, Array]()
+            q = every[first : first + at_once]
+            known = dict[Terms, Array]()
             free = _before(np.maximum(self.lower[1] - q, q - self.upper[1]))
             for group in self._groups if free else ():
                 known = {terms: each[:free] for terms, each in known.items()}
@@ -165,7 +182,8 @@ class FreeSpace:
                     break
             if free < len(q):
                 return first + free
-            first, at_once = first + at_once, 2 * at_once
+            first = first + at_once
+            at_once = 2 * at_once
         return len(every)
 
     def beside(self, free: Array, blocked: Array, q: Array) -> Array | None:
@@ -188,7 +206,8 @@ class FreeSpace:
 
         There are none if a condition on it depends on the other end or on velocities.
         """
-        c, side = self.definition.conditions, -1 if at_end else 0
+        c = self.definition.conditions
+        side = -1 if at_end else 0
         fixed = self.fixed[side]
         if not np.any(np.isnan(fixed)):
             return np.asarray(fixed[None])
@@ -229,7 +248,9 @@ class _EndSteps:
         self, space: FreeSpace, own: ca.SX, held: Sequence[Condition], limits: tuple[Array, Array]
     ) -> None:
         c = space.definition.conditions
-        self._space, self._p, self._limits = space, c.p_values, limits
+        self._space = space
+        self._p = c.p_values
+        self._limits = limits
         self._values = np.concatenate([np.zeros(0), *(each.lower for each in held)])
         self._scales = np.concatenate([np.zeros(0), *(each.scales for each in held)])
         self._terms = Terms(own, c.p, 0.0, stacked(held))
@@ -295,7 +316,8 @@ class Guesses:
             yield self._as_own()
             yield from self._given(self.second)
             return
-        space, own = self._space, self._own
+        space = self._space
+        own = self._own
         if is_clear := space.is_clear(own[None])[0]:
             self._seen.append(own)
             yield self._as_own()
@@ -318,7 +340,8 @@ class Guesses:
         given = self.definition.guess(self.grid.nodes)
         if given is None or np.ndim(given) < 3:
             return []
-        size, metric = self.definition.size, self.definition.metric
+        size = self.definition.size
+        metric = self.definition.metric
         seen = [given[0] / size]
         every = [
             Path(metric, self.grid, nodes) for nodes in given[1:] if _is_new(nodes / size, seen)
@@ -358,7 +381,8 @@ class Guesses:
         (visibility deformation: Jaillet and Simeon, Int. J. Robotics Research 27, 2008).
         """
         shares = np.linspace(0.0, 1.0, _DEFORMATIONS + 2)[1:-1, None, None]
-        first, last = self._sampled(one), self._sampled(other)
+        first = self._sampled(one)
+        last = self._sampled(other)
         return bool(np.all(self._space.is_clear(first + shares * (last - first))))
 
     def _as_own(self) -> tuple[str, None]:
@@ -370,10 +394,13 @@ class Guesses:
         configurations if `several` are wanted.
         """
         yield from self._given(self._others)
-        space, own, seen = self._space, self._own, self._seen
+        space = self._space
+        own = self._own
+        seen = self._seen
         if not (several or self.definition.conditions.along_q):
             return
-        box, rng = _box(space, own), np.random.default_rng(0)
+        box = _box(space, own)
+        rng = np.random.default_rng(0)
         starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
         if not len(starts) or not len(goals):
             self.tried.append("no end of a path was found that meets the constraints")
@@ -409,8 +436,10 @@ class Guesses:
 
 def _box(space: FreeSpace, own: Array) -> tuple[Array, Array]:
     """Return bounds (n,) of samples: those of the problem, but not far from a path."""
-    lower, upper = space.lower[1], space.upper[1]
-    least, most = own.min(axis=0), own.max(axis=0)
+    lower = space.lower[1]
+    upper = space.upper[1]
+    least = own.min(axis=0)
+    most = own.max(axis=0)
     definition = space.definition
     periods = np.array(definition.metric.periods or np.zeros(lower.size)) / definition.size
     around = np.maximum(  # periods are infinite where there are none
@@ -455,7 +484,8 @@ def _beside(own: Array, box: tuple[Array, Array]) -> Array:
     """Return the straight line between a path's ends, and bends of it to either side in every
     coordinate, (2 n + 1, 25, n).
     """
-    start, end = own[0], own[-1]
+    start = own[0]
+    end = own[-1]
     offsets = np.minimum(_OFFSET * (box[1] - box[0]), 1.0) * np.eye(start.size)
     beside = np.concatenate([0.0 * offsets[:1], offsets, -offsets])
     middles = np.clip((start + end) / 2.0 + beside, *box)
@@ -480,16 +510,19 @@ def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
     Nodes move in the direction of least energy in a constant metric, its matrix (n, n).
     """
     size, n = paths.shape[1:]
-    paths, margin = paths.copy(), 0.0
+    paths = paths.copy()
+    margin = 0.0
     # min sum |q_i+1 - q_i|^2 / 2 + firm sum_i pushed_i |q_i - target_i|^2 / 2 with both ends fixed.
     stretch = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
-    rest, space = np.arange(len(paths)), replace(space, near=paths.reshape(-1, n))
+    rest = np.arange(len(paths))
+    space = replace(space, near=paths.reshape(-1, n))
     for _ in range(_ROUNDS):
         q = paths[rest]
         excess, slopes = space.outward(q.reshape(-1, n))
         excess[np.isinf(excess)] = -np.inf  # there is no way out of where it is not defined
         if not margin:
-            straight, every = excess[:size].max(), excess.max()
+            straight = excess[:size].max()
+            every = excess.max()
             margin = _MARGIN * max(straight if straight > 0.0 else every, _CLEAR)
         worst = excess.reshape(len(rest), size)[:, 1:-1].max(axis=1)
         pushed = excess > -1.5 * margin
@@ -501,7 +534,8 @@ def _pushed_out(space: FreeSpace, paths: Array, tensor: Array) -> Array:
         weights = _FIRM * pushed.reshape(len(rest), size)
         matrices = stretch + np.eye(size) * weights[:, None]
         right = weights[:, :, None] * (q + steps.reshape(q.shape))
-        right[:, [0, -1]], matrices[:, [0, -1]] = q[:, [0, -1]], np.eye(size)[[0, -1]]
+        right[:, [0, -1]] = q[:, [0, -1]]
+        matrices[:, [0, -1]] = np.eye(size)[[0, -1]]
         violated = worst > -0.5 * margin
         rest = rest[violated]
         if not len(rest):
@@ -515,13 +549,15 @@ class _Tree:
     """Configurations q (k, n), each with the index of the one it was reached from."""
 
     def __init__(self, roots: Array) -> None:
-        self.q, self._parents = roots, [-1] * len(roots)
+        self.q = roots
+        self._parents = [-1] * len(roots)
 
     def grow(self, space: FreeSpace, q: Array, longest: float) -> tuple[int, bool]:
         """Extend the nearest node towards a configuration, and where that is blocked, along what
         blocks it; its last node, and whether the configuration is reached.
         """
-        node, reached = int(np.argmin(np.sum((self.q - q) ** 2, axis=1))), False
+        node = int(np.argmin(np.sum((self.q - q) ** 2, axis=1)))
+        reached = False
         distance = float(np.linalg.norm(q - self.q[node]))
         target = q
         if longest < distance:
@@ -540,7 +576,8 @@ class _Tree:
             if len(line) < len(every):
                 end = space.beside(self.q[node], every[len(line)], target)
             else:
-                reached, end = end is target, target
+                reached = end is target
+                end = target
         return node, reached and target is q
 
     def branch(self, node: int) -> list[Array]:
@@ -566,13 +603,15 @@ def connect(
     trees = _Tree(starts), _Tree(goals)
     for number in range(samples):
         one, other = sorted(trees, key=lambda each: len(each.q))  # the smaller one is in narrows
-        size, sample = len(one.q), rng.uniform(*box) if number else other.q[0]
+        size = len(one.q)
+        sample = rng.uniform(*box) if number else other.q[0]
         node, _ = one.grow(space, sample, _REACH)
         if len(one.q) == size:
             continue
         met, reached = other.grow(space, one.q[node], np.inf)
         if reached:
-            first, last = one.branch(node), other.branch(met)
+            first = one.branch(node)
+            last = other.branch(met)
             joined = [*first[::-1], *last[1:]]
             return np.array(joined if one is trees[0] else joined[::-1])
     return None

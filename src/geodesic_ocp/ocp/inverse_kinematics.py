@@ -15,9 +15,12 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
 
-_STARTS, _ENOUGH = 60, 4
+_STARTS = 60
+_ENOUGH = 4
 _STARTS_NEAREST = 28
-_FEW, _LAST_RESORT = 2, 6  # configurations that are too few, and further starts of Ipopt then
+# configurations that are too few, and further starts of Ipopt then
+_FEW = 2
+_LAST_RESORT = 6
 _BEST = 4  # starts of Ipopt for a pose out of reach, from different configurations
 _DIFFERENT = 0.3  # [rad or m]
 _REACHED = 1e-6  # [m] and [rad]
@@ -89,13 +92,17 @@ def configurations(
     Raises:
         NotConverged: no such configuration was found.
     """
-    starts, collisions = search.starts(_STARTS), search.collisions
+    starts = search.starts(_STARTS)
+    collisions = search.collisions
     weights = (search.bound == 0.0).astype(float)
     found, others, smallest = search.simultaneously(starts, weights, enough, settled, least)
     candidates: list[Array] = []
     attained = 0
     if not collisions.is_empty:
-        candidates, attained, found, smallest = [*found, *starts], len(found), [], np.inf
+        candidates = [*found, *starts]
+        attained = len(found)
+        found = []
+        smallest = np.inf
     elif len(found) < min(_FEW, enough):
         # Joints that stop at their limits can trap that search, not Ipopt's interior points.
         candidates = [starts[0], *others[len(found) :][:1], *starts[-_LAST_RESORT:]]

@@ -112,7 +112,8 @@ def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
     fields.
     """
     saved = convert(record, _ClassRecord, path)
-    name, given = saved.problem, f"load_solution({str(path)!r}, problem)"
+    name = saved.problem
+    given = f"load_solution({str(path)!r}, problem)"
     found = _imported_class(saved.module, name)
     if found is None:
         raise RecordingError(
@@ -167,7 +168,8 @@ def _check_models(models: dict[str, dict[str, Any]], problem: Problem, path: Fil
 
 def _check_same_problem(solution: Solution, path: FilePath) -> None:
     """Raise RecordingError if energy or violations are not those that were saved."""
-    energy, saved = solution.path.discrete_energy, solution.stats.energy
+    energy = solution.path.discrete_energy
+    saved = solution.stats.energy
     if np.isfinite(saved) and not abs(energy - saved) <= _SAME_ENERGY * abs(saved):
         raise RecordingError(
             f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
@@ -186,7 +188,8 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
 
 
 def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
-    saved, n = record.nlp, problem.metric.dim
+    saved = record.nlp
+    n = problem.metric.dim
     if saved.origin.shape != (n,) or not (saved.length > 0.0 and saved.scale > 0.0):
         raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
     numbers = SolutionNumbers(

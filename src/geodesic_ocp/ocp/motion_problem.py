@@ -49,13 +49,16 @@ if TYPE_CHECKING:
 
 _BASIS = SegmentBasis(4, 9)
 _SEGMENTS = 4  # of the first program, at least
-_ROUNDS, _BISECTIONS = 12, 5
+_ROUNDS = 12
+_BISECTIONS = 5
 _SAMPLES = 12  # of a segment, at which constraints are examined
 _VIOLATION = 1e-4  # of a constraint between the points, in its scale
 _CHANGE = 1e-4  # of the cost from one round to the next, relative
 _CONSTANT = 1e-9  # violation by a row that no motion changes
 _ROUNDING = 1e-12  # of the unit of cost
-_TINY, _BESIDE = 1e-6, 1e-3  # displacements of variables, in their units
+# displacements of variables, in their units
+_TINY = 1e-6
+_BESIDE = 1e-3
 _TINY_OF_RATES = 1e-9  # jerk is larger by a power of the time of a segment
 _IPOPT = {"tol": 1e-9, "max_iter": 500}
 _NEAR = {"mu_init": 1e-6, "bound_push": 1e-6, "bound_frac": 1e-6}
@@ -164,11 +167,14 @@ class MotionSolution(TimedMotion, ShortRepr):
     def states(self, t: Array, order: int) -> Array:
         """Return derivatives of this order at times (k,) within the motion, (k, n)."""
         segment = np.searchsorted(self.times[1:-1], t, "right")
-        n, durations = self.metric.dim, np.diff(self.times)
-        q, v = self.knots[:, :n], self.knots[:, n:]
+        n = self.metric.dim
+        durations = np.diff(self.times)
+        q = self.knots[:, :n]
+        v = self.knots[:, n:]
         result = np.empty((len(t), n))
         for k in np.unique(segment):
-            rows, T = segment == k, durations[k]
+            rows = segment == k
+            T = durations[k]
             values = _BASIS.values((t[rows] - self.times[k]) / T, order) / T**order
             ends = np.stack([q[k], T * v[k], q[k + 1], T * v[k + 1]])
             result[rows] = values.T @ np.vstack([ends, self.coefficients[k]])
@@ -183,7 +189,8 @@ class MotionSolution(TimedMotion, ShortRepr):
 
     def torques(self, t: ArrayLike) -> Array:
         """Return the problem's torques at t, (n,) for a number, or (k, n) [N m or N]."""
-        parsed, at = _Parsed.of(self.problem), self.checked(t)
+        parsed = _Parsed.of(self.problem)
+        at = self.checked(t)
         function = ca.Function("torque", [parsed.state], [parsed.torque])
         states = np.hstack([self.states(at, order) for order in range(3)])
         values = np.array([function(state).full()[:, 0] for state in states]).reshape(len(at), -1)
@@ -216,7 +223,9 @@ class _Parsed:
         duration = as_positive("duration", problem.duration, "s")
         names = ("q", "v", "a", "j", "q0", "v0", "q1", "v1")
         q, v, a, jerk, q0, v0, q1, v1 = (ca.SX.sym(name, metric.dim) for name in names)
-        t, state, at_ends = ca.SX.sym("t"), ca.vertcat(q, v, a), ca.vertcat(q0, v0, q1, v1)
+        t = ca.SX.sym("t")
+        state = ca.vertcat(q, v, a)
+        at_ends = ca.vertcat(q0, v0, q1, v1)
         torque = as_expression("torque", problem.torque(q, v, a))
         if torque.shape != (metric.dim, 1):
             raise ValueError(f"torque must have shape ({metric.dim}, 1), got {torque.shape}")
@@ -256,7 +265,15 @@ class _Parsed:
                 f"{', '.join(f'{at:.6g}' for at in times)}"
             )
         return cls(
-            *(problem, metric, duration, state, jerk, t, at_ends, cost, torque),
+            problem,
+            metric,
+            duration,
+            state,
+            jerk,
+            t,
+            at_ends,
+            cost,
+            torque,
             ends=equalities("boundary", problem.boundary(q0, q1, v0, v1), q0, v0, q1, v1),
             along=tuple(_varying(along, (t, q, v, a))),
             via_times=times,
@@ -265,7 +282,8 @@ class _Parsed:
 
     def first_guess(self) -> _Motion:
         """Return the spline through the known coordinates, or the problem's own guess."""
-        n, edges = self.metric.dim, np.array([0.0, *self.via_times, self.duration])
+        n = self.metric.dim
+        edges = np.array([0.0, *self.via_times, self.duration])
         count = max(1, -(-_SEGMENTS // (len(edges) - 1)))
         parts = [np.linspace(a, b, count, endpoint=False) for a, b in pairwise(edges)]
         times = np.append(np.concatenate(parts), self.duration)
@@ -299,7 +317,8 @@ class _Parsed:
     def measured(self, guess: _Motion) -> _Parsed:
         """Return the problem with its size and the scales of its conditions, from a first guess."""
         n = self.metric.dim
-        q, v = guess.knots[:, :n], guess.knots[:, n:]
+        q = guess.knots[:, :n]
+        v = guess.knots[:, n:]
         size = size_of(self.metric, q) or 1.0
         curve = CubicHermiteSpline(guess.times, q, v)
         accelerations = curve(guess.times, 2)
@@ -360,7 +379,8 @@ class _Parsed:
 
         Its constraints hold at some instants of every segment, and at more of them.
         """
-        n, durations = self.metric.dim, np.diff(times)
+        n = self.metric.dim
+        durations = np.diff(times)
         s, weights = _BASIS.rule
         at = instants(times, s)
         size = (len(durations) * (2 + _BASIS.bubbles) + 2) * n
@@ -415,7 +435,8 @@ class _Parsed:
         """
         t = np.unique(instants(motion.times, np.linspace(0.0, 1.0, _SAMPLES + 1)))
         states = np.hstack([motion.states(t, order) for order in range(3)])
-        worst, where = (0.0, ""), [np.zeros(0)]
+        worst = (0.0, "")
+        where = [np.zeros(0)]
         for condition in self.along:
             function = ca.Function("g", [self.state, self.time], [condition.expression])
             found = function(states.T, t[None, :]).full().T
@@ -457,7 +478,9 @@ def _varying(conditions: Sequence[Condition], symbols: Sequence[ca.SX]) -> Itera
         check_symbols(each.name, each.expression, symbols)
         varies = np.array([bool(ca.symvar(row)) for row in ca.vertsplit(each.expression)])
         for k in np.flatnonzero(~varies):
-            value, low, high = float(each.expression[int(k)]), each.lower[k], each.upper[k]
+            value = float(each.expression[int(k)])
+            low = each.lower[k]
+            high = each.upper[k]
             if not low - _CONSTANT <= value <= high + _CONSTANT:
                 allowed = f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
                 raise ValueError(
@@ -516,7 +539,9 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
     first = parsed.first_guess()
     parsed = parsed.measured(first)
     costs: list[float] = []
-    seconds, iterations, unit = 0.0, 0, 1.0
+    seconds = 0.0
+    iterations = 0
+    unit = 1.0
 
     def solved(start: _Motion) -> tuple[MotionSolution, Array]:
         nonlocal seconds, iterations, unit
@@ -532,9 +557,12 @@ def solve_motion(problem: MotionProblem, *, throw: bool = True) -> MotionSolutio
             if other.success and other.objective < outcome.objective:
                 outcome = other
         costs.append(unit * outcome.objective)
-        seconds, iterations = seconds + outcome.seconds, iterations + outcome.iterations
+        seconds = seconds + outcome.seconds
+        iterations = iterations + outcome.iterations
         motion = MotionSolution(
-            *(problem, start.times, *parsed.knots_of(outcome.x)),
+            problem,
+            start.times,
+            *parsed.knots_of(outcome.x),
             success=outcome.success,
             status=outcome.status,
             cost=costs[-1],

@@ -39,7 +39,8 @@ def state_matrix(
     Returns:
         A matrix of n rows for each instant and order.
     """
-    width, durations = 2 + basis.bubbles, np.diff(times)
+    width = 2 + basis.bubbles
+    durations = np.diff(times)
     segment = np.searchsorted(times[1:-1], at, "left" if before else "right")
     rows = scipy.sparse.lil_array((len(orders) * at.size, width * durations.size + 2))
     for k in np.unique(segment):
@@ -55,7 +56,8 @@ def state_cells(
     basis: SegmentBasis, times: Array, dim: int, s: Array, orders: Sequence[int] = (0, 1, 2)
 ) -> Cells:
     """Return the maps of `state_matrix` at the fractions s of all segments, cell by cell."""
-    width, durations = 2 + basis.bubbles, np.diff(times)
+    width = 2 + basis.bubbles
+    durations = np.diff(times)
     first = width * np.arange(durations.size)[:, None, None]
     nodes = first + np.arange(width + 2)[:, None]
     values = _values(basis, s, orders)
@@ -103,7 +105,8 @@ def bisected(
     """Return times, knots and coefficients of the same motion with twice as many segments."""
     n = knots.shape[1] // 2
     durations = np.diff(times)[:, None]
-    q, v = knots[:, :n], knots[:, n:]
+    q = knots[:, :n]
+    v = knots[:, n:]
     ends = [q[:-1], durations * v[:-1], q[1:], durations * v[1:]]
     segments = np.concatenate([np.stack(ends, axis=1), coefficients], axis=1)
     halves = np.stack([half @ segments for half in basis.halves], axis=1)

@@ -127,7 +127,8 @@ class NLP(ShortRepr):
     @property
     def values(self) -> dict[str, Array]:
         """Numerical arguments for a CasADi solver: x0, p, lbx, ubx, lbg, ubg."""
-        units, bounds = self.units, self.bounds
+        units = self.units
+        bounds = self.bounds
         return {
             "x0": units.scaled(self.nodes).ravel(),
             "p": self.p,
@@ -168,11 +169,14 @@ class NLP(ShortRepr):
 
     def not_finite(self) -> list[str]:
         """Get names of the expressions that are not finite or not differentiable on the guess."""
-        c, grid, metric = self.conditions, self.grid, self.definition.metric
+        c = self.conditions
+        grid = self.grid
+        metric = self.definition.metric
         path = Path(metric, grid, self.nodes)
         points = grid.in_segments(grid.nodes) @ grid.quadrature.values.T
         s = np.sort(np.concatenate([grid.nodes, points.ravel()]))
-        q, v = path(s).T, path(s, 1).T
+        q = path(s).T
+        v = path(s, 1).T
         expressions = {"the metric": metric.inner(c.q, c.v, c.v), "the cost": c.cost}
         expressions |= {repr(each.name): each.expression for each in (*c.along_q, *c.along_qv)}
         names = []
@@ -208,7 +212,8 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     Raises:
         ValueError: the fixed ends violate the problem's own conditions, or the guess is malformed.
     """
-    conditions, metric = definition.conditions, definition.metric
+    conditions = definition.conditions
+    metric = definition.metric
     grid = _with_via_points(definition, grid, guess)
     bounds = definition.bounds(grid)
     _check_fixed_ends(conditions, metric, bounds)
@@ -257,7 +262,8 @@ def initial_nodes(
         start, end = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
         # Exactly constant if both ends are equal: rounding would look like motion.
         given = np.nan_to_num(start + grid.nodes[:, None] * (end - start))
-    nodes, shape = np.array(given, dtype=float), (grid.size, definition.metric.dim)
+    nodes = np.array(given, dtype=float)
+    shape = (grid.size, definition.metric.dim)
     are_several = int(nodes.ndim == 3 and len(nodes) > 0)
     if nodes.shape[are_several:] != shape or not np.all(np.isfinite(nodes)):
         raise ValueError(

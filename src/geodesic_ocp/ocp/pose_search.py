@@ -35,10 +35,16 @@ from geodesic_ocp.model.primitives import Obstacle
 # configurations (k, n) -> weighted pose errors (k, m), steps (k, n) and slides (k,)
 Steps: TypeAlias = Callable[[Array], tuple[Array, Array, Array]]
 
-_STEPS, _USUAL_STEPS = 40, 24  # the latter if anything has been found
+# the latter if anything has been found
+_STEPS = 40
+_USUAL_STEPS = 24
 _PATIENCE = 12  # steps after which starts far from the pose are given up
-_FAR, _EXACT_EACH = 0.1, 1e-11  # pose errors [m] and [rad]
-_DAMPING, _LEAST_DAMPING = 0.05, 1e-12  # of the squared error
+# pose errors [m] and [rad]
+_FAR = 0.1
+_EXACT_EACH = 1e-11
+# of the squared error
+_DAMPING = 0.05
+_LEAST_DAMPING = 1e-12
 _LONGEST = 0.7  # step [rad or m]
 _SETTLED = 1e-2  # step [rad or m] along the configurations with the pose
 _STUCK = 1e-2  # step relative to the pose error of a search that ends away from the pose
@@ -123,8 +129,10 @@ def search_each(
     count, each, n = starts.shape
     target = np.repeat(np.arange(count), each)
     best = q = np.clip(starts.reshape(-1, n), *bounds)
-    found, least = np.full((len(q), weights.size), np.inf), np.full(len(q), np.inf)
-    active, given = np.arange(len(q)), np.concatenate([weights, _given(bounds)])
+    found = np.full((len(q), weights.size), np.inf)
+    least = np.full(len(q), np.inf)
+    active = np.arange(len(q))
+    given = np.concatenate([weights, _given(bounds)])
     for number in range(steps + 1):
         p = np.hstack([poses[target[active]], np.tile(given, (len(q), 1))])
         errors, step, _ = _split(terms.at("value", q, p)[1], weights.size)
@@ -132,7 +140,9 @@ def search_each(
         square = (weighted * weighted).sum(axis=1)
         better = square < least[active]
         rows = active[better]
-        best[rows], found[rows], least[rows] = q[better], errors[better], square[better]
+        best[rows] = q[better]
+        found[rows] = errors[better]
+        least[rows] = square[better]
         largest = np.abs(weighted).max(axis=1)
         going = largest > _EXACT_EACH
         if one_each:
@@ -171,20 +181,24 @@ def pose_steps(
 @lru_cache(maxsize=32)
 def _steps_from(rows: int, n: int) -> Terms:
     """Return steps and slides; p: errors, their Jacobian by columns, `_given`."""
-    q, p = ca.SX.sym("q", n), ca.SX.sym("p", rows + rows * n + 3 * n + 2)
+    q = ca.SX.sym("q", n)
+    p = ca.SX.sym("p", rows + rows * n + 3 * n + 2)
     errors, slopes, given = ca.vertsplit(p, [0, rows, rows + rows * n, p.numel()])
     return Terms(q, p, 0.0, _step(q, errors, ca.reshape(slopes, rows, n), given))
 
 
 def _step(q: ca.SX, errors: ca.SX, jacobian: ca.SX, given: ca.SX) -> ca.SX:
     """Return a step (n,) and the length of its slide, from weighted errors and their Jacobian."""
-    n, free, square = q.numel(), ca.SX.ones(q.numel()), ca.sumsqr(errors)
+    n = q.numel()
+    free = ca.SX.ones(q.numel())
+    square = ca.sumsqr(errors)
     lower, upper, near, share, settled = ca.vertsplit(
         given, [0, n, 2 * n, 3 * n, 3 * n + 1, 3 * n + 2]
     )
     damping = (_DAMPING * square + _LEAST_DAMPING) * ca.SX.eye(errors.numel())
     for _ in range(3):  # joints that would leave their range stay at its end
-        own, closer = jacobian @ ca.diag(free), share * (near - q) * free
+        own = jacobian @ ca.diag(free)
+        closer = share * (near - q) * free
         factors = ca.ldl(own @ own.T + damping, False)
         corrections = own.T @ ca.ldl_solve(ca.horzcat(errors, own @ closer), *factors)
         slide = ca.if_else(square < _FAR**2, closer - corrections[:, 1], 0.0)
@@ -246,12 +260,14 @@ def rotation_log(rotation: ca.SX) -> ca.SX:
     zero occurs (Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1, 1978). At
     pi, where the axis is defined up to its sign, one of both is returned; the norm is right.
     """
-    skew, trace = rotation - rotation.T, ca.trace(rotation)
+    skew = rotation - rotation.T
+    trace = ca.trace(rotation)
     turn = ca.vertcat(skew[2, 1], skew[0, 2], skew[1, 0])
     symmetric = rotation + rotation.T + (1 - trace) * ca.SX.eye(3)
     # 4 q q' for the unit quaternion q: a column is q times a number.
     products = ca.blockcat([[1 + trace, turn.T], [turn, symmetric]])
-    column, largest = products[:, 0], products[0, 0]
+    column = products[:, 0]
+    largest = products[0, 0]
     for k in (1, 2, 3):
         column = ca.if_else(products[k, k] > largest, products[:, k], column)
         largest = ca.fmax(products[k, k], largest)
@@ -311,7 +327,8 @@ def complement(directions: Array) -> tuple[Array, int]:
 
 
 # Starts searched from simultaneously: first those nearby, which are the most promising.
-_FIRST, _AT_ONCE = 8, 20
+_FIRST = 8
+_AT_ONCE = 20
 _MANY = 32  # at once, if several configurations are to be found
 _SPREAD = 0.7  # [rad or m], standard deviation
 _EXACT = 1e-9  # pose error [m] and [rad] of the simultaneous search
@@ -424,7 +441,8 @@ class PoseSearch:
 
     def starts(self, count: int) -> list[Array]:
         """Return `near`, moved into the bounds, random ones around it, and random ones."""
-        rng, n = np.random.default_rng(0), self.model.dof
+        rng = np.random.default_rng(0)
+        n = self.model.dof
         around = self.near + _SPREAD * rng.standard_normal((_FIRST - 1, n))
         others = rng.uniform(*self.bounds, (max(0, count - _FIRST), n))
         first = np.clip(np.vstack([self.near, around]), *self.bounds)
@@ -488,13 +506,16 @@ class PoseSearch:
 
         min stay |q - near|^2 / 2 + |weights e|^2 / 2 over q and the pose errors e, |e| <= bound.
         """
-        n, count, (lower, upper) = self.model.dof, len(self.rows), self.bounds
+        n = self.model.dof
+        count = len(self.rows)
+        (lower, upper) = self.bounds
         program, errors = _program(self.model, self.rows, self.collisions.bodies, self.hands)
         num_distances = program.size_g - count
         least = np.repeat([0.0, self.collisions.margin], [count, num_distances])
         most = np.repeat([0.0, np.inf], [count, num_distances])
         p = self._parameters(stay, weights)
-        lbx, ubx = np.concatenate([lower, -self.bound]), np.concatenate([upper, self.bound])
+        lbx = np.concatenate([lower, -self.bound])
+        ubx = np.concatenate([upper, self.bound])
         for start in starts:
             first = np.clip(errors(start, p).full()[:, 0], -self.bound, self.bound)
             x0 = np.concatenate([start, first])
@@ -510,9 +531,11 @@ class PoseSearch:
 @lru_cache(maxsize=32)
 def _pose_errors(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> ca.Function:
     """Return the pose errors (q, p) -> e; p: near, position, rotation, axes, stay, weights."""
-    n, count = model.dof, len(hands)
+    n = model.dof
+    count = len(hands)
     edges = np.cumsum([0, 3 * count, 9 * count, 9]).tolist()
-    q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + edges[-1] + 1 + len(rows))
+    q = ca.SX.sym("q", n)
+    p = ca.SX.sym("p", n + edges[-1] + 1 + len(rows))
     position, rotation, axes = ca.vertsplit(p[n : n + edges[-1]], edges)
     error = stacked_error(
         model, hands, q, position, ca.reshape(rotation, 3 * count, 3), ca.reshape(axes, 3, 3)
@@ -551,7 +574,8 @@ def _errors_and_slopes(
     """
     every = ca.vertcat(ca.SX.zeros(model.dof), p, ca.SX.zeros(1 + len(rows)))
     errors = _pose_errors(model, rows, hands)(q, every)
-    axes, twists = ca.reshape(p[12 * len(hands) :], 3, 3), []
+    axes = ca.reshape(p[12 * len(hands) :], 3, 3)
+    twists = []
     jacobians = ca.vertsplit(model.stacked_jacobians(hands, q), 6)
     for hand, jacobian in zip(hands, jacobians, strict=True):
         rotation, _ = model.frame_pose(hand, q)
@@ -565,8 +589,11 @@ def step_terms(model: Model, rows: tuple[int, ...], hands: tuple[str, ...]) -> T
 
     p: that of `_errors_and_slopes`, weights of the rows, `_given`.
     """
-    n, count, size = model.dof, len(rows), 12 * len(hands) + 9
-    q, p = ca.SX.sym("q", n), ca.SX.sym("p", size + count + 3 * n + 2)
+    n = model.dof
+    count = len(rows)
+    size = 12 * len(hands) + 9
+    q = ca.SX.sym("q", n)
+    p = ca.SX.sym("p", size + count + 3 * n + 2)
     pose, weights, given = ca.vertsplit(p, [0, size, size + count, p.numel()])
     errors, slopes = _errors_and_slopes(model, rows, hands, q, pose)
     step = _step(q, weights * errors, ca.diag(weights) @ slopes, given)
@@ -578,10 +605,15 @@ def _program(
     model: Model, rows: tuple[int, ...], bodies: tuple[Any, Any, Any], hands: tuple[str, ...]
 ) -> tuple[Ipopt, ca.Function]:
     """Return the program in x = (q, e), and the pose errors e (q, p); then come the distances."""
-    n, count = model.dof, len(rows)
+    n = model.dof
+    count = len(rows)
     function = _pose_errors(model, rows, hands)
-    q, e, p = ca.SX.sym("q", n), ca.SX.sym("e", count), ca.SX.sym("p", function.size1_in(1))
-    near, stay, weights = p[:n], p[-count - 1], p[-count:]
+    q = ca.SX.sym("q", n)
+    e = ca.SX.sym("e", count)
+    p = ca.SX.sym("p", function.size1_in(1))
+    near = p[:n]
+    stay = p[-count - 1]
+    weights = p[-count:]
     obstacles, links, pairs = bodies
     distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
     f = stay * ca.sumsqr(q - near) / 2 + ca.sumsqr(weights * e) / 2

@@ -88,11 +88,14 @@ def parse_conditions(problem: Any) -> Conditions:
     symbolic, parameters = _with_symbols(problem)
     has_velocities = len(inspect.signature(problem.boundary).parameters) == 4
     at_ends = (q0, q1, v0, v1) if has_velocities else (q0, q1)
-    equality, inequality = parameters.equality, parameters.inequality
+    equality = parameters.equality
+    inequality = parameters.inequality
 
-    entries, numbers = listed("boundary", symbolic.boundary(*at_ends)), numbered(q0, q1)
+    entries = listed("boundary", symbolic.boundary(*at_ends))
+    numbers = numbered(q0, q1)
     boundary = [equality(*entry, numbers) for entry in entries]
-    entries, numbers = listed("constraints", symbolic.constraints(q, v)), numbered(q, v)
+    entries = listed("constraints", symbolic.constraints(q, v))
+    numbers = numbered(q, v)
     along = [inequality(*entry, numbers) for entry in entries]
     via = []
     for label, at_one in listed("via", symbolic.via(q)):
@@ -118,7 +121,15 @@ def parse_conditions(problem: Any) -> Conditions:
     functions = [c for c in along if c not in bounds]
     along_qv = [c for c in functions if c.instance is None and ca.depends_on(c.expression, v)]
     return Conditions(
-        *(q0, q1, v0, v1, q, v, parameters.symbols, parameters.values, cost),
+        q0,
+        q1,
+        v0,
+        v1,
+        q,
+        v,
+        parameters.symbols,
+        parameters.values,
+        cost,
         fixed=tuple(c for c in boundary if c.coordinates is not None),
         ends=tuple(c for c in boundary if c.coordinates is None),
         bounds=tuple(bounds),
@@ -217,7 +228,9 @@ def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
     """Return the problem with symbols in place of its parameters, and these symbols."""
     if not problem.parameters:
         return problem, NUMBERS
-    symbolic, symbols, numbers = copy.copy(problem), [], []
+    symbolic = copy.copy(problem)
+    symbols = []
+    numbers = []
     for name in problem.parameters:
         try:
             value = real_array(getattr(problem, name))
@@ -385,7 +398,8 @@ class Problem(ABC):
         """
         conditions = parse_conditions(self)
         has_own_grid = getattr(type(self), "grid", None) is not Problem.grid
-        structure, via_parameters = self.structure, self.via_parameters
+        structure = self.structure
+        via_parameters = self.via_parameters
         return ProblemDefinition(
             metric=self.metric,
             conditions=conditions,

@@ -89,7 +89,9 @@ class ConstrainedProblem(Problem):
             conditions.append((-np.array(self.speed), v, np.array(self.speed), "speed"))
         if model is not None and (self.obstacles or self.pairs):
             conditions += clearance_constraints(
-                *(model, q, self.obstacles),
+                model,
+                q,
+                self.obstacles,
                 links=self.links,
                 pairs=self.pairs,
                 margin=self.margin,

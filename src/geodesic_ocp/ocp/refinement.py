@@ -38,9 +38,11 @@ _MAX_SEGMENTS = 400
 # Segments are halved whose error exceeds this fraction of the largest.
 _FRACTION = 0.02
 # Times that a segment is halved in one round; grids have a multiple of this number of segments.
-_MOST_LEVELS, _ROUND = 2, 4
+_MOST_LEVELS = 2
+_ROUND = 4
 # After this many rounds, an objective larger by this factor has diverged.
-_PATIENCE, _WORSE = 3, 1.2
+_PATIENCE = 3
+_WORSE = 1.2
 _KNOWN = 1e-3  # relative error of the energy by the quadrature of a grid, without a tolerance
 _STALE = 6  # rounds in which violations between nodes must halve
 
@@ -123,7 +125,8 @@ def _suffices(solution: Solution) -> bool:
 
 def _recorded(solution: Solution, before: Solution | None = None) -> Solution:
     """Return the solution with its solve in the history, after those of another solution."""
-    stats, segments = solution.stats, solution.path.grid.segments
+    stats = solution.stats
+    segments = solution.path.grid.segments
     this = MeshIteration(
         segments, stats.iterations, stats.seconds, stats.objective, stats.max_path_violation
     )
@@ -150,7 +153,8 @@ def _halved_until_fine(
         return _recorded(solve_on(grid, before), before)
 
     def examine(number: int, found: Solution) -> tuple[Solution, tuple[Solution, Grid] | None]:
-        stats, path = found.stats, found.path
+        stats = found.stats
+        path = found.path
         if not stats.success:
             return found, None
         unresolved = unresolved_energy(path)
@@ -232,7 +236,8 @@ def _finer(grid: Grid, levels: NDArray[np.int64], errors: Array) -> Grid:
     levels[rest[np.argsort(errors[rest])[::-1][:more]]] = 1
     while np.any(levels):
         coarse = levels > 0
-        grid, levels = halved(grid, coarse), np.repeat(np.maximum(levels - 1, 0), 1 + coarse)
+        grid = halved(grid, coarse)
+        levels = np.repeat(np.maximum(levels - 1, 0), 1 + coarse)
     return grid
 
 
@@ -290,7 +295,8 @@ def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
     return Grid(every.size - 1, grid.degree, tuple(every.tolist()), via_segments)
 
 
-_RESOLVED, _HALVINGS = 1e-2, 3
+_RESOLVED = 1e-2
+_HALVINGS = 3
 
 
 def resolving(grid: Grid, guess: Path, samples: PathSamples) -> Grid:

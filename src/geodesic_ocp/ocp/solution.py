@@ -187,7 +187,8 @@ def decoded(value: Any) -> Any:
     return {"tuple": tuple, "list": list}[name](map(decoded, entries))
 
 
-FORMAT, VERSION = "geodesic_ocp solution", 3
+FORMAT = "geodesic_ocp solution"
+VERSION = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -229,7 +230,8 @@ class Solution:
         )
 
     def __repr__(self) -> str:
-        stats, kind = self.stats, type(self.problem).__name__
+        stats = self.stats
+        kind = type(self.problem).__name__
         if not stats.success:
             return f"Solution of {kind}: not solved, {stats.status}"
         lines = [
@@ -253,7 +255,8 @@ class Solution:
         for conditions in q and v (segments * (degree + 1), m), as interior breakpoints belong to
         two segments.
         """
-        iterate, units = self.iterate, self.iterate.nlp.units
+        iterate = self.iterate
+        units = self.iterate.nlp.units
         sizes = {each.name: (self.path.grid.size, each.size) for each in self.conditions.along_q}
         others: dict[str, Array] = {name: np.zeros(size) for name, size in sizes.items()}
         bounds = iterate.nlp.bounds
@@ -336,7 +339,8 @@ class Solution:
         limit = getattr(self.problem, "speed", None)
         if limit is not None and hasattr(self.problem, "check_path_constraints"):  # in q'(s)
             shares = np.abs(np.asarray(motion.velocity)).max(axis=0) / limit
-            joint, excess = motion.joint_names[int(shares.argmax())], float(shares.max())
+            joint = motion.joint_names[int(shares.argmax())]
+            excess = float(shares.max())
             if excess > 1.0 + allowed:
                 raise ValueError(
                     f"in {motion.duration:g} s {joint} would move at {excess:.3g} times the speed "
@@ -393,7 +397,8 @@ class SolutionNumbers:
 
 def restored(problem: Problem, numbers: SolutionNumbers) -> Solution:
     """Return a solution of a problem from its numbers; ValueError if shapes do not fit."""
-    definition, grid = problem.definition(), numbers.grid
+    definition = problem.definition()
+    grid = numbers.grid
     conditions = definition.conditions.with_scales(numbers.scales, numbers.size)
     path = Path(problem.metric, grid, numbers.nodes)
     definition = replace(definition, conditions=conditions, size=numbers.size)
@@ -425,7 +430,8 @@ def restored(problem: Problem, numbers: SolutionNumbers) -> Solution:
 def with_effort_of(before: Stats, solution: Solution) -> Solution:
     """Return the solution with the iterations and seconds of a preceding solve added to its own."""
     stats = solution.stats
-    iterations, seconds = stats.iterations + before.iterations, stats.seconds + before.seconds
+    iterations = stats.iterations + before.iterations
+    seconds = stats.seconds + before.seconds
     return replace(solution, stats=replace(stats, iterations=iterations, seconds=seconds))
 
 

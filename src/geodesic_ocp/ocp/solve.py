@@ -151,7 +151,8 @@ def solve(
     if tolerance is not None:
         tolerance = as_positive("tolerance", tolerance)
         _check_refinable(conditions)
-    settings, are_many = dict(ipopt or {}), conditions.are_many
+    settings = dict(ipopt or {})
+    are_many = conditions.are_many
     tight = LOOSE if are_many and tolerance is None else _ipopt_tolerance(tolerance)
     is_bounded = are_many and num_starts == 1
     tolerances = tight, tolerance
@@ -235,7 +236,8 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
 
     def over() -> bool:
         several = num_starts > 1
-        simple, further = guesses.simple(several), guesses.further(several)
+        simple = guesses.simple(several)
+        further = guesses.further(several)
         last = guesses.last()
         for enough, stage in ((2, simple), (1, further), (1, simple), (1, further), (1, last)):
             for name, path in stage:
@@ -346,7 +348,8 @@ class _Search:
             first = own if first is not own else halved(own, np.ones(own.segments, dtype=bool))
             if not solution.stats.success or first.segments > _MOST_SEGMENTS:
                 break
-            own, before = first, solution
+            own = first
+            before = solution
             kept = before.iterate.nlp.conditions.kept
             solution = with_effort_of(before.stats, self.solver(first, guess, kept))
         return solution
@@ -355,7 +358,8 @@ class _Search:
         """Return the first grid, and the one that the solution has at least."""
         if self.grid is not None:
             return self.grid, self.grid
-        own, conditions = self.solver.definition.grid, self.solver.conditions
+        own = self.solver.definition.grid
+        conditions = self.solver.conditions
         half = own if isinstance(guess, Solution) else _first_grid(self.solver.definition, None)
         if isinstance(guess, Path) and not conditions.via:
             samples = path_samples(conditions)
@@ -377,7 +381,8 @@ class _Search:
         if self.grid is not None and self.tolerance is None:
             return meeting_conditions(first, "leave grid out, or set tolerance")
         own = self._grids(guess)[1]
-        is_coarse, anew = first.path.grid.segments < own.segments, True
+        is_coarse = first.path.grid.segments < own.segments
+        anew = True
         if is_coarse and first.stats.success:
             found = first
             if self.tolerance is None:

@@ -34,9 +34,12 @@ from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 # With a free end, polynomials of a higher degree need an initial guess, solved on this grid.
-_STIFF, _COARSE = 8, Grid(4, 4)
+_STIFF = 8
+_COARSE = Grid(4, 4)
 # Tolerances of Ipopt: of a guess for the next grid; of a path to a tolerance; of others.
-LOOSE, MODERATE, TIGHT = 1e-6, 1e-7, 1e-10
+LOOSE = 1e-6
+MODERATE = 1e-7
+TIGHT = 1e-10
 _ROUGH = 1e-4  # of a step of a descent, at most
 _SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
 # Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
@@ -59,13 +62,18 @@ _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 _BESIDE = {**_NEAR, "mu_init": 1e-3}
 # Times as far as by a force at a free end a path may move, in the metric's softest direction; nodes
 # at which that is computed.
-_SOFT, _SAMPLES = 10.0, 8
+_SOFT = 10.0
+_SAMPLES = 8
 FEASIBLE = 1e-2  # violation at the nodes of a path to stay near to
 # Among many bodies, nodes of a solution move by at most this, in sizes of the problem, from one
 # program to the next, `_GROWTH` times as far where they did, and less after a failure, from which
 # it grows by `_AGAIN`: from a small barrier, Ipopt's first steps may lead far away, and through
 # thin bodies.
-_WITHIN, _CLOSEST, _FARTHEST, _GROWTH, _AGAIN = 0.02, 0.003, 0.1, 3.0, 1.5
+_WITHIN = 0.02
+_CLOSEST = 0.003
+_FARTHEST = 0.1
+_GROWTH = 3.0
+_AGAIN = 1.5
 _NEARBY = 0.03  # rows for such steps: bounds within this share of the range of a condition's values
 _SMALL_BARRIER = 1e-6  # from a solution on a coarser grid among many bodies
 _NEARLY_CLEAR = 3e-2  # violation along a path from which steps lead to a clear one
@@ -86,15 +94,20 @@ _WARM_START = {
 # Where new rows or nodes are violated by more than this, other conditions become active, which is
 # slow from the smallest barrier.
 # Above `_NEARLY`, the multipliers of the coarser grid no longer help.
-_CHANGED, _MODERATE_BARRIER, _NEARLY = 1e-3, 1e-5, 5e-3
+_CHANGED = 1e-3
+_MODERATE_BARRIER = 1e-5
+_NEARLY = 5e-3
 
 # Rounds at most in which conditions are added, and how many solves of these may fail.
-_MOST_ROUNDS, _FAILURES = 30, 2
+_MOST_ROUNDS = 30
+_FAILURES = 2
 _Start: TypeAlias = tuple[ProblemDefinition, Path | Solution | None]
 _Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 # Iterations of Ipopt after which no other guess is tried, and among many bodies, where each takes
 # long, no other program; where variables and rows are more than `_SIZE`, they count for more.
-MOST_ITERATIONS, _MOST_AMONG_MANY, _SIZE = 2000, 3000, 2000
+MOST_ITERATIONS = 2000
+_MOST_AMONG_MANY = 3000
+_SIZE = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +147,13 @@ class Solver:
         is_near = stays or isinstance(guess, Solution)
         given = guess.path if isinstance(guess, Solution) else guess
         path = self.definition.initial_path(grid, given)
-        within, share, size, growth = np.inf, MAY_CHANGE, self.definition.size, _GROWTH
+        within = np.inf
+        share = MAY_CHANGE
+        size = self.definition.size
+        growth = _GROWTH
         if is_near:
-            within, share = _WITHIN * size, _NEARBY
+            within = _WITHIN * size
+            share = _NEARBY
         first = self.definition.restricted(joined(known, may_become_active(whole, path, share)))
 
         last: Solution | None = None
@@ -150,9 +167,11 @@ class Solver:
 
         def examine(number: int, found: Solution) -> tuple[Solution, _Start | None]:
             nonlocal path, within, growth
-            kept, is_held = found.iterate.nlp.conditions.kept, is_at_edge(path, found.path, within)
+            kept = found.iterate.nlp.conditions.kept
+            is_held = is_at_edge(path, found.path, within)
             missing = left_out(whole, kept, found.path)
-            failed, is_closest = not found.stats.success, within <= _CLOSEST * size
+            failed = not found.stats.success
+            is_closest = within <= _CLOSEST * size
             fails = failed and (is_closest if is_near else number >= _FAILURES)
             again = missing or is_held or (failed and is_near)
             if found.stats.status == STOPPED or fails or not again:
@@ -165,7 +184,8 @@ class Solver:
             near = {} if strays else may_become_active(whole, found.path, share)
             more = self.definition.restricted(joined(kept, missing, near))
             if strays or failed:
-                within, growth = within / _GROWTH, _AGAIN
+                within = within / _GROWTH
+                growth = _AGAIN
                 return found, (more, path if is_near else guess)
             path = found.path
             within *= growth if is_held and within < _FARTHEST * size else 1.0
@@ -198,7 +218,8 @@ class Solver:
         path, last = descend(self.definition, solve, path)
         if last.stats.status == STOPPED:  # the path that far, in the program of its own conditions
             own = self.definition.restricted(may_become_active(self.definition.conditions, path))
-            nlp, alone = build_nlp(own, path.grid, path), replace(self, callback=None, ipopt={})
+            nlp = build_nlp(own, path.grid, path)
+            alone = replace(self, callback=None, ipopt={})
             there = with_effort_of(last.stats, alone._solve_nlp(nlp, {"max_iter": 0}))
             return replace(there, stats=replace(there.stats, success=False, status=STOPPED))
         finer = halved(path.grid, np.ones(path.grid.segments, dtype=bool))
@@ -328,7 +349,8 @@ class Solver:
 
 def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
     """Return another solution's multipliers in the NLP's units; none if conditions differ."""
-    old, units = before.iterate, nlp.units
+    old = before.iterate
+    units = nlp.units
     before_g = old.lam_g / old.nlp.bounds.scales_g
     carried = nlp.bounds.carried(old.lam_bounds, before_g, old.nlp.bounds)
     if carried is None:
@@ -357,7 +379,8 @@ def _solution(
     tolerance: float | None,
 ) -> Solution:
     """Return the solution under all conditions of a problem, from an NLP with some of them."""
-    bounds, units = nlp.bounds, nlp.units
+    bounds = nlp.bounds
+    units = nlp.units
     iterate = FinalIterate(nlp, outcome.x, outcome.lam_x, outcome.lam_g)
     path = iterate.path
     violation, worst = bounds.worst(path.nodes, outcome.g)
@@ -387,7 +410,8 @@ def _gap(nlp: NLP, outcome: Outcome, tolerance: float | None) -> float:
     tolerance is exceeded, distances count up to how far the path would move without the forces of
     the bounds that are farther away.
     """
-    bounds, units = nlp.bounds, nlp.units
+    bounds = nlp.bounds
+    units = nlp.units
     ends = [units.scaled(each).ravel() for each in (bounds.lower, bounds.upper)]
     forces, distances = _at_bounds(outcome.x, outcome.lam_x, *ends)
     in_g = _at_bounds(outcome.g, outcome.lam_g, bounds.lower_g, bounds.upper_g)

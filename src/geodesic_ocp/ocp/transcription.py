@@ -62,7 +62,8 @@ class CompiledEnergy(Terms):
     """
 
     def __init__(self, metric: Metric, conditions: Conditions, file: str) -> None:
-        c, n = conditions, metric.dim
+        c = conditions
+        n = metric.dim
         super().__init__(ca.vertcat(c.q, c.v), c.p, metric.energy_density(c.q, c.v))
         self.in_use["energy"] = metric.kernels
         self._derivatives = {}
@@ -206,7 +207,9 @@ class Transcription(ShortRepr):
             p: parameters, but the scales of constraint functions.
             first: index of the first of the variables.
         """
-        n, grid, terms = self.dim, self.grid, self.terms
+        n = self.dim
+        grid = self.grid
+        terms = self.terms
         scale, length, origin, values, widths = ca.vertsplit(
             p, [0, 1, 2, n + 2, self._size_numbers - grid.segments, self._size_numbers]
         )
@@ -214,7 +217,8 @@ class Transcription(ShortRepr):
         inside = at[grid.degree * np.arange(grid.segments)[:, None] + np.arange(grid.degree + 1)]
         steeper = 1.0 / (grid.segments * widths)  # than on equal segments
         slope = length * steeper
-        zero, one = ca.DM.zeros(1, n), ca.DM.ones(1, n)
+        zero = ca.DM.zeros(1, n)
+        one = ca.DM.ones(1, n)
 
         def block(
             each: Terms, places: Any, units: tuple[Any, Any], weights: ca.MX | None = None
@@ -250,7 +254,8 @@ class Transcription(ShortRepr):
         rows = np.stack([quadrature.values, quadrature.slopes[0]], axis=1)
         ends = []
         if terms.at_ends.size_g:
-            first_node, last_node = np.eye(1, grid.size)[0], np.eye(1, grid.size, grid.size - 1)[0]
+            first_node = np.eye(1, grid.size)[0]
+            last_node = np.eye(1, grid.size, grid.size - 1)[0]
             slopes = slope_at(0, 0), slope_at(grid.segments - 1, -1)
             matrix = placed(first_node, last_node, *slopes)
             scales = length * one, length * one, slope[0] * one, slope[-1] * one
@@ -261,7 +266,8 @@ class Transcription(ShortRepr):
         ]
         jumps = []
         if terms.conditions.via_continuity:
-            after, before = ca.SX.sym("after", n), ca.SX.sym("before", n)
+            after = ca.SX.sym("after", n)
+            before = ca.SX.sym("before", n)
             jump = Terms(ca.vertcat(after, before), terms.conditions.p, 0.0, after - before)
             for segment in grid.via_segments:
                 matrix = placed(slope_at(segment, 0), slope_at(segment - 1, -1))
@@ -348,9 +354,12 @@ class Transcription(ShortRepr):
         The inner nodes follow the ends so that dE/dq_inner stays zero: with the blocks of E's
         Hessian, dp0/dq1 = H_0i H_ii^-1 H_i1 - H_01.
         """
-        n, last = self.dim, self.dim * (self.grid.size - 1)
-        x, p = ca.MX.sym("x", n * self.grid.size), ca.MX.sym("p", self.size_p)
-        scale, length = p[0], p[1]
+        n = self.dim
+        last = self.dim * (self.grid.size - 1)
+        x = ca.MX.sym("x", n * self.grid.size)
+        p = ca.MX.sym("p", self.size_p)
+        scale = p[0]
+        length = p[1]
         _, gradient = self.objective(x, p)
         upper = self.hessian(x, p, 1.0, ca.MX(self.program.size_g, 1))
         hessian = ca.triu2symm(upper)

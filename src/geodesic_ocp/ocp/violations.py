@@ -76,7 +76,8 @@ class PathSamples:
         s, values = self._of_last(path)
         excess = excess_over_bounds(self, values)
         near = excess > -share * np.ptp(values, axis=1, keepdims=True) / self.scales[:, None]
-        c, q = self._conditions, path(s)
+        c = self._conditions
+        q = path(s)
         coordinates = [each for condition in c.bounds for each in condition.coordinates or ()]
         rows, at = np.nonzero(near[: len(coordinates)])
         parts = [(rows, at, np.eye(q.shape[1])[np.array(coordinates, dtype=int)[rows]])]
@@ -115,7 +116,8 @@ class PathSamples:
         return s, values
 
     def _values(self, path: Path, s: Array) -> Array:
-        c, q = self._conditions, path(s)
+        c = self._conditions
+        q = path(s)
         bounded = [q[:, list(each.coordinates or ())] for each in c.bounds]
         known: dict[Terms, Array] = {}
         found = [*bounded, *(group.values(q, c.p_values, known) for group in c.groups)]
@@ -142,10 +144,14 @@ def _peaks(s: Array, excess: Array) -> Array:
     """
     if s.size < 3:
         return np.zeros(0)
-    left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
-    a, b = np.diff(s)[:-1], np.diff(s)[1:]
+    left = excess[:, :-2]
+    middle = excess[:, 1:-1]
+    right = excess[:, 2:]
+    a = np.diff(s)[:-1]
+    b = np.diff(s)[1:]
     with np.errstate(all="ignore"):  # there may be infinities
-        before, after = (middle - left) / a, (right - middle) / b
+        before = (middle - left) / a
+        after = (right - middle) / b
         curvature = (after - before) / (a + b)
         slope = before + curvature * a
         maximum = middle - slope**2 / (4.0 * curvature)
@@ -162,11 +168,14 @@ def _corners(s: Array, excess: Array) -> Array:
     far enough above both that a parabola may miss it.
     """
     apart = np.append(True, np.diff(s) > 2.0 * _ONE_SIDED)
-    s, excess = s[apart], excess[:, apart]
+    s = s[apart]
+    excess = excess[:, apart]
     with np.errstate(all="ignore"):  # there may be infinities
         slopes = np.diff(excess, axis=1) / np.diff(s)
-        before, after = slopes[:, :-2], slopes[:, 2:]
-        left, right = s[1:-2], s[2:-1]
+        before = slopes[:, :-2]
+        after = slopes[:, 2:]
+        left = s[1:-2]
+        right = s[2:-1]
         rise = excess[:, 2:-1] - excess[:, 1:-2] - after * (right - left)
         at = left + rise / (before - after)
         highest = excess[:, 1:-2] + before * (at - left)
@@ -251,7 +260,8 @@ def may_become_active(conditions: Conditions, path: Path, share: float = MAY_CHA
     with how much values change along it; with the cells beside these.
     """
     s, found = path_samples(conditions)(path)
-    names, kept = {condition.name for condition in conditions.along_q}, {}
+    names = {condition.name for condition in conditions.along_q}
+    kept = {}
     for condition, values in found:
         excess = excess_over_bounds(condition, values)
         ranges = np.ptp(values, axis=1, keepdims=True) / condition.scales[:, None]
@@ -274,7 +284,8 @@ def left_out(conditions: Conditions, kept: Kept, path: Path) -> Kept:
     cells beside these, as one alone may be without a node.
     """
     s, found = path_samples(conditions)(path)
-    names, missing = {condition.name for condition in conditions.along_q}, {}
+    names = {condition.name for condition in conditions.along_q}
+    missing = {}
     for condition, values in found:
         violated = np.any(excess_over_bounds(condition, values) > 0.0, axis=0)
         violated &= ~kept.get(condition.name, np.zeros(CELLS, dtype=bool))[cells_at(s)]
@@ -297,7 +308,9 @@ _Values: TypeAlias = tuple[Condition, Array, Array | None]
 
 
 def _at_ends(conditions: Conditions, path: Path) -> Iterator[_Values]:
-    c, n, nodes = conditions, path.metric.dim, path.nodes
+    c = conditions
+    n = path.metric.dim
+    nodes = path.nodes
     for condition in c.fixed:
         assert condition.coordinates is not None
         ends = {coordinate // n for coordinate in condition.coordinates}
@@ -355,9 +368,11 @@ def _worst(
     row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)
     value = float(values[row, column])
     limit = float(condition.upper[row] if value > condition.upper[row] else condition.lower[row])
-    component, unit = f"{condition.name}[{row}]" if condition.size > 1 else condition.name, None
+    component = f"{condition.name}[{row}]" if condition.size > 1 else condition.name
+    unit = None
     if condition.coordinates is not None:
-        n, names = metric.dim, metric.joint_names
+        n = metric.dim
+        names = metric.joint_names
         coordinate = condition.coordinates[int(row)] % n
         component = f"q[{coordinate}]" if names is None else f"joint {names[coordinate]}"
         if is_limit:

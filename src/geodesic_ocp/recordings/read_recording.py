@@ -286,7 +286,8 @@ def read_recording(
         markers = read_markers(file, person=person)
         arm = _arm_of(markers.subject, file, side, height, mass, armature)
         fit = _fitted(file, arm, markers, height, of_markers)
-        arm, motion = fit.model, fit.motion
+        arm = fit.model
+        motion = fit.motion
         if cutoff is None and duration is None:
             unfiltered = True  # the fit has smoothed it
     else:

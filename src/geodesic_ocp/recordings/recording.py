@@ -63,9 +63,12 @@ _FAR_OUTSIDE = 2.0
 LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 
 # Joints of people reach a little beyond the model's limits; not by this much for this long.
-_OUTSIDE, _OFTEN = np.radians(10.0), 0.2  # [rad], and share of the samples
+_OUTSIDE = np.radians(10.0)  # [rad], and share of the samples
+_OFTEN = 0.2  # [rad], and share of the samples
 # A shoulder whose first and last axis are this near to parallel, and turn so far in one sample.
-_NEARLY_LOCKED, _FAST = 0.17, 0.5  # cosine of Sz, [rad]
+# cosine of Sz, [rad]
+_NEARLY_LOCKED = 0.17
+_FAST = 0.5
 PASSIVE = np.radians(20.0)  # [rad] range of every joint, below which an arm is passive
 PASSIVE_REASON = "this arm is passive: no joint moves by more than 20 deg"
 _STILL = 3.2  # a range of angles that is all of a motion in radians, and hardly one in degrees
@@ -113,8 +116,11 @@ def check_plausible(model: Model, motion: Motion) -> None:
     check_units(model, motion)
     outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
     for column, joint in enumerate(motion.joint_names):
-        q, low, high = motion.q[:, column], model.lower[column], model.upper[column]
-        worst, jump = int(np.argmax(outside[:, column])), int(np.argmax(np.abs(np.diff(q))))
+        q = motion.q[:, column]
+        low = model.lower[column]
+        high = model.upper[column]
+        worst = int(np.argmax(outside[:, column]))
+        jump = int(np.argmax(np.abs(np.diff(q))))
         if outside[worst, column] > _FAR_OUTSIDE:
             raise ValueError(
                 f"{joint} is {q[worst]:.6g} at sample {worst}, far outside its limits "
@@ -245,7 +251,8 @@ def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
     if np.mean(np.any(outside[:, angular] > _FAR_OUTSIDE, axis=1)) < 0.5:
         return False  # a spike
     angles = np.deg2rad(q[:, angular])
-    low, high = model.lower[angular] - _FAR_OUTSIDE, model.upper[angular] + _FAR_OUTSIDE
+    low = model.lower[angular] - _FAR_OUTSIDE
+    high = model.upper[angular] + _FAR_OUTSIDE
     return bool(np.all((low <= angles) & (angles <= high)))
 
 

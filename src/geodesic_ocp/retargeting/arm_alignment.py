@@ -25,7 +25,8 @@ from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.records import read_record, write_file
 from geodesic_ocp.retargeting.landmarks import AXES, base_axes, hand_axes, landmarks
 
-FORMAT, VERSION = "geodesic_ocp alignment", 1
+FORMAT = "geodesic_ocp alignment"
+VERSION = 1
 BASE = ("right", "forward")  # columns of `base` in files; the third follows
 HAND = {"right": 0, "fingers": 2}  # rows of `hand` in files
 _HELP = [
@@ -108,7 +109,8 @@ class Alignment(ShortRepr):
         Raises:
             OSError: the file cannot be written.
         """
-        base, hand = np.asarray(self.base), np.asarray(self.hand)
+        base = np.asarray(self.base)
+        hand = np.asarray(self.hand)
         record = {
             "format": FORMAT,
             "version": VERSION,
@@ -139,7 +141,8 @@ class Alignment(ShortRepr):
         base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
         if mirror:
             # The axes of the hand are mirrored as well, so that the result is a rotation.
-            rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
+            rotation = _MIRROR @ rotation @ _MIRROR
+            position = position @ _MIRROR
         return base @ rotation @ hand, shoulder + scale * position @ base.T
 
     def to_person(
@@ -147,9 +150,11 @@ class Alignment(ShortRepr):
     ) -> tuple[Array, Array]:
         """Get the inverse of `to_robot`: poses in the person's axes, relative to the shoulder."""
         base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
-        rotation, position = base.T @ rotation @ hand.T, (position - shoulder) @ base / scale
+        rotation = base.T @ rotation @ hand.T
+        position = (position - shoulder) @ base / scale
         if mirror:
-            rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
+            rotation = _MIRROR @ rotation @ _MIRROR
+            position = position @ _MIRROR
         return rotation, position
 
 
@@ -258,7 +263,11 @@ _KNOWN = {
     **{
         f"{robot}-{side}-arm": _Known(
             f"arm_{side}_{first}_joint",
-            *(_FORWARD, hand, side, f"arm_{side}_4_joint", f"arm_{side}_6_joint"),
+            _FORWARD,
+            hand,
+            side,
+            f"arm_{side}_4_joint",
+            f"arm_{side}_6_joint",
         )
         for robot, first, hand, side in _HUMANOIDS
     },
@@ -458,11 +467,13 @@ def _of_person(model: Model) -> Alignment | None:
     if not _HUMAN.match(model.name):
         return None
     chain = [str(model.pin.names[each]) for each in model.pin.supports[model.joint_of(model.hand)]]
-    axes, home = np.eye(3), np.zeros(model.dof)
+    axes = np.eye(3)
+    home = np.zeros(model.dof)
     for side in get_args(Side):
         joints = [f"{side[0].upper()}{each}_joint" for each in ("Sx", "Ex", "Wx")]
         if set(joints) <= set(chain):
             shoulder = model.frame_pose(joints[0], home)[1]
-            length, (_, elbow, wrist) = arm_length(model, joints[0]), joints
+            length = arm_length(model, joints[0])
+            (_, elbow, wrist) = joints
             return Alignment(shoulder, axes, axes, length, side, elbow, wrist)
     return None

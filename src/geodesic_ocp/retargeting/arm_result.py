@@ -53,7 +53,9 @@ NEAR_MISS = "the path ends near the pose, which it would attain by a detour only
 
 _BASELINE_RATE = 200.0  # [Hz], of the controller
 _CLOSE = 1e-3  # [m] and [rad]
-_STARTS, _ANYWHERE = 20, 0.2  # of the baseline, and how near to each other [rad or m]
+# of the baseline, and how near to each other [rad or m]
+_STARTS = 20
+_ANYWHERE = 0.2
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
 
@@ -108,7 +110,8 @@ def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors)
     """
     own = paths.paths[pair.body]
     moved = zip(own, paths.within_reach[pair.body][1:], strict=True)
-    found, q = list[Transfer](), own[0].nodes[0]
+    found = list[Transfer]()
+    q = own[0].nodes[0]
     at = 0  # number of the waypoint
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":
@@ -116,7 +119,9 @@ def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors)
             continue
         at += 1
         path, is_attained = next(moved)
-        q, pose, status = path.nodes[-1], pair.target(group.stop), paths.status
+        q = path.nodes[-1]
+        pose = pair.target(group.stop)
+        status = paths.status
         errors = pose.error(pair.robot, q)
         is_attained |= len(pair.hands) > 1 and max(errors) <= MISSED  # where another hand is not
         if number in out_of_reach:
@@ -134,7 +139,8 @@ def transfers_on(pair: PairedArm, paths: PlannedPaths, out_of_reach: PoseErrors)
 
 def at_rest(pair: PairedArm, group: SynergyGroup, q: Array) -> Transfer:
     """Return the arm at rest in a configuration (n,)."""
-    still, pose = line(metric_of(pair.robot), q, q), pair.target(group.stop)
+    still = line(metric_of(pair.robot), q, q)
+    pose = pair.target(group.stop)
     return Transfer(still, pose, True, *pose.error(pair.robot, q), 0, True, "the arm rests")
 
 
@@ -229,7 +235,9 @@ class RetargetedArm(PairedArm):
         placement: BasePlacement | None,
     ) -> RetargetedArm:
         """Get the result for an arm in a trajectory, sampled at a rate [Hz]."""
-        robot, recorded, number = pair.robot, pair.analysis.motion, pair.body
+        robot = pair.robot
+        recorded = pair.analysis.motion
+        number = pair.body
         times = planned.robot_time(recorded.time)
         q, v, _, _ = planned.states(times, number)
         q = np.clip(q, robot.lower, robot.upper) if pair.settings.within_limits else q
@@ -254,11 +262,16 @@ class RetargetedArm(PairedArm):
         """
         if self.first is not None:
             return self.first.baseline
-        motion, time, settings = self.analysis.motion, self.motion.time, self.settings
+        motion = self.analysis.motion
+        time = self.motion.time
+        settings = self.settings
         begin = self.groups[0].start
-        (pose,), start = self.targets(motion.q[begin : begin + 1]), self.motion.q[0]
-        is_there, is_given = max(pose.error(self.robot, start)) <= _CLOSE, self.start is not None
-        starts, count = [start] if is_there else [], 1 if is_given else _STARTS
+        (pose,) = self.targets(motion.q[begin : begin + 1])
+        start = self.motion.q[0]
+        is_there = max(pose.error(self.robot, start)) <= _CLOSE
+        is_given = self.start is not None
+        starts = [start] if is_there else []
+        count = 1 if is_given else _STARTS
         if len(starts) < count:
             placed = settings.within_limits, settings.pose_weights, settings.collisions
             try:
@@ -273,7 +286,11 @@ class RetargetedArm(PairedArm):
             return self.mapped(motion(np.interp(instants, time, motion.time)))
 
         return track_within_limits(
-            *(self.bounded, starts[:count], time, poses, self.limits),
+            self.bounded,
+            starts[:count],
+            time,
+            poses,
+            self.limits,
             rate=_BASELINE_RATE,
             turning=pose.rotation is not None,
             placing=pose.position is not None,
@@ -283,7 +300,8 @@ class RetargetedArm(PairedArm):
     @cached_property
     def tracked(self) -> Motion:
         """The baseline at the samples of the recording, in robot time."""
-        times, tracked = self.motion.time, self.baseline
+        times = self.motion.time
+        tracked = self.baseline
         q, v = (  # its speeds are constant over each step
             np.column_stack([np.interp(times, tracked.time, each) for each in states.T])
             for states in (tracked.positions, tracked.velocities)
@@ -395,7 +413,11 @@ def compare_under_equal_limits(
             lambda instants: mapping.elbow_offsets(posture(instants)),
         )
     return compare_with_tracking(
-        *(robot, trajectory, recorded, lambda instants: mapping(posture(instants)), own.limits),
+        robot,
+        trajectory,
+        recorded,
+        lambda instants: mapping(posture(instants)),
+        own.limits,
         gravity=own.gravity,
         together=None
         if body is None

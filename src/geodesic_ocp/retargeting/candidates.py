@@ -37,7 +37,8 @@ _MOST = 64  # configurations at a waypoint
 _SAME = 0.05  # [rad or m]
 # Poses out of reach: errors up to this factor above the least, and this much more [m or rad]. The
 # nearest pose may be on the other side of a singularity.
-_NEARLY, _MORE = 1.5, 0.02
+_NEARLY = 1.5
+_MORE = 0.02
 _NEAR = 32  # more of them that miss a pose within reach
 _POSE_ROUNDS = 4  # of searches, whose results are joined
 _PERHAPS = 1e-4  # error of the nearest pose [m or rad] up to which the pose may be attained
@@ -92,8 +93,10 @@ class Candidates(ShortRepr):
 @lru_cache(maxsize=8)
 def first_candidates(waypoints: ArmWaypoints, num_starts: int = _STARTS) -> tuple[Candidates, ...]:
     """Get configurations at each waypoint, from random starts and those of the waypoint before."""
-    count, given = waypoints.count + 1, waypoints.start
-    rng, middle = np.random.default_rng(0), middle_of_ranges(waypoints.arm)[0]
+    count = waypoints.count + 1
+    given = waypoints.start
+    rng = np.random.default_rng(0)
+    middle = middle_of_ranges(waypoints.arm)[0]
     lower, upper, _ = search_bounds(waypoints.arm, middle, waypoints.limited)
     starts = rng.uniform(lower, upper, (count, num_starts, waypoints.arm.dof))
     if waist := [waypoints.arm.joint_names.index(each) for each in waypoints.arm.shared_joints]:
@@ -115,7 +118,9 @@ def first_candidates(waypoints: ArmWaypoints, num_starts: int = _STARTS) -> tupl
 
 def _reached(layer: Candidates, waypoints: ArmWaypoints, number: int) -> Candidates:
     """Return the candidates, after a more thorough search for a pose that they nearly attain."""
-    arm, near, pose = waypoints.arm, layer.q[0], waypoints.poses[number]
+    arm = waypoints.arm
+    near = layer.q[0]
+    pose = waypoints.poses[number]
     if layer.within_reach or max(pose.error(arm, near)) > _PERHAPS:
         return layer
     q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
@@ -129,11 +134,14 @@ def candidates_near(waypoints: ArmWaypoints, starts: Array) -> list[Candidates]:
     Those of a body have its waist upright as well as free, as free ones hardly have it in common,
     and a waist may be too slow to change from one to the other.
     """
-    arm, weights, free = waypoints.arm, waypoints.row_weights, np.full(waypoints.arm.dof, np.inf)
+    arm = waypoints.arm
+    weights = waypoints.row_weights
+    free = np.full(waypoints.arm.dof, np.inf)
     lower, upper = (arm.lower, arm.upper) if waypoints.limited else (-free, free)
     terms = step_terms(arm, waypoints.rows, waypoints.hands)
     p = np.array([[*pose.numbers, *np.eye(3).ravel()] for pose in waypoints.poses])
-    bounds, still = [(lower, upper)], upright(arm)
+    bounds = [(lower, upper)]
+    still = upright(arm)
     if arm.shared_joints:
         waist = np.isin(arm.joint_names, arm.shared_joints)
         bounds.append((np.where(waist, still, lower), np.where(waist, still, upper)))
@@ -157,7 +165,8 @@ def _chosen(q: Array, errors: Array, allowed: NDArray[np.bool_], most: int) -> C
     order = np.argsort(errors, kind="stable")
     order = order[taken[order]]
     kept: list[int] = []
-    near, same = 0, np.zeros(len(q), dtype=bool)
+    near = 0
+    same = np.zeros(len(q), dtype=bool)
     for index in order.tolist():
         if same[index]:
             continue
@@ -188,7 +197,8 @@ def shortest_path(
     nodes = [np.array(costs, dtype=float) for costs in node_costs]
     known = set[tuple[int, int]]()
     while True:
-        total, before = nodes[0], list[NDArray[np.int64]]()
+        total = nodes[0]
+        before = list[NDArray[np.int64]]()
         for edges, costs in zip(edge_costs, nodes[1:], strict=True):
             sums = total[:, None] + edges
             best = np.argmin(sums, axis=0)
@@ -222,7 +232,8 @@ def with_further_edges(
     """
     most = cost + sum(float(further(k, [a], [b])[0]) for k, (a, b) in enumerate(pairwise(path)))
     # Least costs up to each node, and from it on.
-    before, after = [node_costs[0]], [np.zeros_like(node_costs[-1])]
+    before = [node_costs[0]]
+    after = [np.zeros_like(node_costs[-1])]
     for edges, costs in zip(edge_costs, node_costs[1:], strict=True):
         before.append((before[-1][:, None] + edges).min(axis=0) + costs)
     for edges, costs in zip(edge_costs[::-1], node_costs[:0:-1], strict=True):
@@ -241,7 +252,8 @@ _FAR = 0.25  # of the arm's length
 _TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
 AT_REST = 1e-9  # action [J s]
 DETOUR = 40.0  # weight of the hand's distance from the person's halfway, in the graph
-_SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
+_SPREAD = 0.3  # [rad or m]; number of starts around each
+_AROUND = 12  # [rad or m]; number of starts around each
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,7 +383,8 @@ def find_start(
         finer = [layer.joined(other) for layer, other in zip(layers, more, strict=True)]
         if waypoints.start is not None:
             finer[0] = layers[0]
-        layers, before = tuple(finer), best
+        layers = tuple(finer)
+        before = best
         best = best_candidates(waypoints, weights, layers, lacks)
         if best.cost > 0.99 * before.cost:
             break
@@ -390,7 +403,8 @@ def best_candidates(
     """
     every = np.vstack([layer.q for layer in layers])
     ends = np.cumsum([len(layer.q) for layer in layers])[:-1]
-    (_, masses), dof = _mass_matrices(waypoints.arm).at("value", every, np.zeros(0)), every.shape[1]
+    (_, masses) = _mass_matrices(waypoints.arm).at("value", every, np.zeros(0))
+    dof = every.shape[1]
     matrices = np.split(masses.reshape(-1, dof, dof), ends)
     parameters = [
         waypoints.parameters(number, layer.missed, weights) for number, layer in enumerate(layers)
@@ -440,7 +454,8 @@ def _edge_costs(
     matrices: list[Array],
     number: int,
 ) -> Array:
-    here, there = layers[number].q, layers[number + 1].q
+    here = layers[number].q
+    there = layers[number + 1].q
     duration = waypoints.durations[number]
     period = periods(waypoints.arm, waypoints.limited)
     change = shorter_way(there[None, :, :] - here[:, None, :], period)

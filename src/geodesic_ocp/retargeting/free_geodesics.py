@@ -31,7 +31,10 @@ from geodesic_ocp.trajectory.path import Path
 
 _COARSE = Grid(8, 2)
 _THERE = 1e-3 * REACHED
-_SOLUTIONS, _FEWEST, _ENDS = 5, 4, 10  # of inverse kinematics
+# of inverse kinematics
+_SOLUTIONS = 5
+_FEWEST = 4
+_ENDS = 10
 _ANYWHERE = 0.2  # how near inverse kinematics comes to the configuration it starts from [rad or m]
 _SAME = 0.1  # [rad or m]
 
@@ -44,12 +47,16 @@ def free_ends(pair: PairedArm) -> tuple[Array, list[Array | None], PoseErrors]:
         group a configuration with its pose, or with the nearest one, and None where it rests; the
         poses that these do not attain.
     """
-    robot, settings = pair.robot, pair.settings
+    robot = pair.robot
+    settings = pair.settings
     placed = settings.within_limits, settings.pose_weights
     if (near := pair.start) is None:
-        first, middle = pair.target(pair.groups[0].start), middle_of_ranges(robot)[0]
+        first = pair.target(pair.groups[0].start)
+        middle = middle_of_ranges(robot)[0]
         near = nearest_configurations(robot, middle, first, *placed, enough=_SOLUTIONS)[0]
-    begin, ends, far = near, list[Array | None](), {}
+    begin = near
+    ends = list[Array | None]()
+    far = {}
     for number, group in enumerate(pair.groups, 1):
         if group.kind == "rest":
             ends.append(None)
@@ -76,7 +83,8 @@ def free_geodesics(
     Raises:
         NotConverged: a geodesic was not found; the message gives its number.
     """
-    q, found = start, list[Transfer]()
+    q = start
+    found = list[Transfer]()
     for number, (group, end) in enumerate(zip(pair.groups, ends, strict=True), 1):
         if end is None:
             found.append(at_rest(pair, group, q))
@@ -108,7 +116,9 @@ def to_pose(
         status = "the hand is already at the pose"
         return Transfer(line(metric, q, q), pose, True, *error, 0, True, status)
     found: list[ToPose] = []
-    iterations, reached, status = 0, 0, ""
+    iterations = 0
+    reached = 0
+    status = ""
     placed = settings.within_limits, settings.pose_weights
     ends = [end]
     if within_reach:
@@ -132,7 +142,10 @@ def to_pose(
             iterations += coarse.stats.iterations
             velocity = coarse.path(0.0, 1) if coarse.stats.success else towards - q
         outcome = geodesic_to_pose(
-            *(robot, q, goal.position, goal.rotation),
+            robot,
+            q,
+            goal.position,
+            goal.rotation,
             velocity=velocity,
             weights=settings.pose_weights,
             energy_weight=settings.energy_weight,
@@ -148,7 +161,8 @@ def to_pose(
     path: Path = line(metric, q, q)
     if found:
         best = nearest_of(found)
-        path, status = best.path or path, best.status
+        path = best.path or path
+        status = best.status
     error = pose.error(robot, path.nodes[-1])
     return Transfer(path, pose, within_reach, *error, iterations, bool(found), status)
 

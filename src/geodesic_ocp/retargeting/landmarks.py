@@ -37,7 +37,8 @@ _ARM_JOINTS = 7  # revolute joints of an arm; those before them belong to a tors
 _MEETING = 0.06  # distance of axes that meet, relative to the length of the chain
 _PARALLEL = 0.2  # sine of the angle between axes that have no crossing
 _BENDING = 0.1  # least distance of a bending axis from shoulder and hand, relative to the length
-_NUM_RANDOM, _NUM_STARTS = 256, 5
+_NUM_RANDOM = 256
+_NUM_STARTS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,8 @@ def wrist_centre(axes: JointAxes, hand: Array) -> Array:
     The point nearest to the hand, if the two are parallel. It is fixed in the hand.
     """
     *_, before, last = [number for number, rotates in enumerate(axes.rotates) if rotates]
-    origin, axis = axes.origins[last], axes.directions[last]
+    origin = axes.origins[last]
+    axis = axes.directions[last]
     across = np.cross(axes.directions[before], axis)
     if np.linalg.norm(across) < _PARALLEL:
         return np.asarray(origin + axis * (axis @ (hand - origin)))
@@ -161,7 +163,8 @@ def _stretched(robot: Model, home: Array, held: list[int], shoulder: Array) -> t
     """Return the configuration with the hand farthest from the shoulder, and that distance [m]."""
     low = np.where(np.isfinite(robot.lower), np.maximum(robot.lower, -np.pi), -np.pi)
     high = np.where(np.isfinite(robot.upper), np.minimum(robot.upper, np.pi), np.pi)
-    low, high = np.minimum(low, robot.upper), np.maximum(high, robot.lower)
+    low = np.minimum(low, robot.upper)
+    high = np.maximum(high, robot.lower)
     low[held] = high[held] = home[held]
 
     def negative_square(q: Array) -> tuple[float, Array]:
@@ -171,14 +174,16 @@ def _stretched(robot: Model, home: Array, held: list[int], shoulder: Array) -> t
     random = np.random.default_rng(0).uniform(low, high, (_NUM_RANDOM, robot.dof))
     random[0] = home
     distances = np.linalg.norm(robot.hand_pose(random)[1] - shoulder, axis=1)
-    best, farthest = home, -1.0
+    best = home
+    farthest = -1.0
     for start in random[np.argsort(-distances, kind="stable")[:_NUM_STARTS]]:
         found = scipy.optimize.minimize(
             negative_square, start, jac=True, bounds=scipy.optimize.Bounds(low, high)
         )
         distance = float(np.sqrt(-found.fun))
         if distance > farthest + 1e-6:
-            best, farthest = found.x, distance
+            best = found.x
+            farthest = distance
     return best, farthest
 
 
@@ -245,15 +250,18 @@ def base_axes(robot: Model, found: Landmarks, side: Side | None) -> tuple[Array,
     forward = _across(up, *np.eye(3)[:2], least=0.5)
     across = np.cross(forward, up)
     if not vertical and abs(beside @ forward) > 2.0 * abs(beside @ across) and offset > 0.0:
-        right, convention = forward, "x to the right, y forward"
+        right = forward
+        convention = "x to the right, y forward"
     else:
-        right, convention = across, "x forward, y left (ROS REP 103)"
+        right = across
+        convention = "x forward, y left (ROS REP 103)"
     lateral = float(beside @ right)
     central = abs(lateral) < _CENTRAL * found.length
     natural: Side = "right" if central or lateral > 0.0 else "left"
     chosen = natural if side is None else side
     if chosen != natural and not central:
-        right, convention = -right, f"{convention}, turned by 180 degrees for the {chosen} arm"
+        right = -right
+        convention = f"{convention}, turned by 180 degrees for the {chosen} arm"
     rotation = np.column_stack([right, np.cross(up, right), up])
     reason = f"the robot stands upright with {convention}"
     if central:
@@ -285,7 +293,8 @@ def _mounted_as_shoulder(robot: Model, found: Landmarks, side: Side) -> tuple[Ar
 def _front(robot: Model, found: Landmarks, axis: Array) -> Array:
     """Get the axis of the base at right angles to the first joint's along which the arm reaches."""
     first = found.first_coordinate
-    low, high = robot.lower[first], robot.upper[first]
+    low = robot.lower[first]
+    high = robot.upper[first]
     front = _across(axis, *np.eye(3)[:2], least=0.5)
     if high - low > _REVOLUTION:
         return front
@@ -330,12 +339,15 @@ def hand_axes(
     reach = _nearest_axis(approach)
     rolls = abs(last @ reach) > _ROLL
     if rolls:
-        normal, why = before, "the axis of the second last joint, along which grippers open"
+        normal = before
+        why = "the axis of the second last joint, along which grippers open"
     else:
-        low, high = robot.lower, robot.upper
+        low = robot.lower
+        high = robot.upper
         span = [high[axes.coordinates[each]] - low[axes.coordinates[each]] for each in revolute]
         sideways = last if span[-1] < span[-2] else before
-        normal, why = sideways, "the wrist axis with the smaller range"
+        normal = sideways
+        why = "the wrist axis with the smaller range"
     normal = _across(reach, normal, *np.eye(3))
     palm = _across(reach, _nearest_axis(normal, reach), *np.eye(3))
     if rolls and abs(reach[1]) < 0.5 and np.abs(palm).max() < _SNAP:
@@ -406,7 +418,8 @@ def _hanging(robot: Model, found: Landmarks, base: Array, reach: Array) -> Array
     """Get rotation (3, 3) of the hand with the arm hanging down, as near as joint limits permit."""
     down = -base[:, 2]
     target = found.shoulder + _STRETCH * found.length * down
-    low, high = robot.lower, robot.upper
+    low = robot.lower
+    high = robot.upper
 
     def residuals(q: Array) -> Array:
         rotation, position = robot.hand_pose(q)

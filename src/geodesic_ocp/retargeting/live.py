@@ -36,14 +36,16 @@ from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.segment import OnlineSegmentation
 
 # Samples of the parabolas: for the hand, and for the synergies as Klein et al. 2022 filter them.
-_SHORT, _LONG = 11, 21
+_SHORT = 11
+_LONG = 21
 _POWERS = np.arange(3.0)[:, None]
 _BEFORE = 3  # samples from the newest back to where the geodesic leaves the parabola
 _DRIFT = 0.01  # by which the rate of the steps may deviate, beyond a gap altogether
 _DEFAULT = RetargetingSettings()
 # Shares of limits of torque, its rate and the hand's speed within which a step is sought, and that
 # it keeps: some is left for instants between the commands.
-_SOUGHT, _KEPT = 0.95, 0.99
+_SOUGHT = 0.95
+_KEPT = 0.99
 _GAP = 2.5  # steps without a sample, after which the person's motion begins anew
 
 
@@ -120,7 +122,8 @@ class LiveRetargeting:
         rate: float = 100.0,
         threshold: float = 0.6,
     ) -> None:
-        self.person, self.robot = as_model(person), as_model(robot)
+        self.person = as_model(person)
+        self.robot = as_model(robot)
         if len(robot.hands) > 1:
             raise ValueError("robot: must have one hand; load one of its arms")
         source = align(person) if person_alignment is None else person_alignment
@@ -130,7 +133,8 @@ class LiveRetargeting:
         self.mapping = PoseMapping.between(person, source, target, settings)
         self.limits = joint_limits(robot) if limits is None else checked_limits(robot, limits)
         self._step = 1.0 / as_positive("rate", rate, "Hz")
-        placing, turning = settings.position_weight > 0.0, settings.orientation_weight > 0.0
+        placing = settings.position_weight > 0.0
+        turning = settings.orientation_weight > 0.0
         rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
         q = checked_start(robot, start)
         self._gravity = gravity_on(target)
@@ -144,7 +148,10 @@ class LiveRetargeting:
             for torque, share in ((1.0, _SOUGHT), (_KEPT, _KEPT))
         )
         self._tracker = Tracker(
-            *(robot, sought, self._step, q),
+            robot,
+            sought,
+            self._step,
+            q,
             rows=rows,
             gravity=self._gravity,
             torque_share=settings.torque_share,
@@ -158,21 +165,26 @@ class LiveRetargeting:
         # Steps of the second average, the same for all joints to keep them together.
         count = max(1, int(np.ceil(np.max(averaged, initial=0.0) / self._step - 1e-9)))
         self.delay = self._step * (1.0 + count) / 2.0
-        self._metric, zero = as_analysis_metric(None, person), np.zeros(person.dof)
+        self._metric = as_analysis_metric(None, person)
+        zero = np.zeros(person.dof)
         # The largest speed, until a larger one is seen: that of 1 rad/s of all joints.
         fastest = self._metric.norm(zero, np.ones(person.dof))
         self._segmentation = OnlineSegmentation(self._metric, threshold, fastest=fastest)
         # Functions are built and compiled now, not while the person moves.
         self._metric.kernels.available()
         rotations, positions = self.mapping(np.array([zero, zero]))
-        still, past = np.zeros(robot.dof), np.zeros((count + 1, robot.dof))
+        still = np.zeros(robot.dof)
+        past = np.zeros((count + 1, robot.dof))
         weight = robot.inverse_dynamics(q, still, still, self._gravity)
         self._sent = Averages(self._step, past, q, still, still, weight)
         self._tracker.speeds(q, still, rotations[0], positions[0], np.zeros(6), sent=self._sent)
         self._stops.after(q, self._sent, still, self._stop)
         self._samples: deque[tuple[float, Array]] = deque(maxlen=_LONG)
-        self._time, self._ticks = -np.inf, 0
-        self._begin, self._counted = 0.0, 0  # of steps without a pause, to check their rate
+        self._time = -np.inf
+        self._ticks = 0
+        # of steps without a pause, to check their rate
+        self._begin = 0.0
+        self._counted = 0
         self._target = q  # configuration after the steps of constant speed
         self.command = LiveCommand(0.0, q, still, still, weight)
 
@@ -206,7 +218,8 @@ class LiveRetargeting:
         if time <= self._time:
             raise ValueError(f"time must increase, got {time:g} s after {self._time:g} s")
         if time - self._time > _GAP * self._step:
-            self._begin, self._counted = time, 0
+            self._begin = time
+            self._counted = 0
         elapsed = time - self._begin
         late = abs(elapsed - self._counted * self._step)
         if late > _GAP * self._step + _DRIFT * elapsed:
@@ -219,7 +232,8 @@ class LiveRetargeting:
             self._metric.check_units("q", sample)
             self._add(time, sample)
         self._time, self._counted = time, self._counted + 1
-        before, sent = self._sent.past[-1], self._sent
+        before = self._sent.past[-1]
+        sent = self._sent
         if self._samples and time - self._samples[-1][0] <= _GAP * self._step:
             rotations, positions = self.mapping(self._expected(time))
             turn = rotations[1] @ rotations[0].T
@@ -229,7 +243,8 @@ class LiveRetargeting:
             speeds = self._tracker.speeds(self._target, before, *pose, velocity, sent=sent)
             speeds, self._stop = self._stops.after(self._target, sent, speeds, self._stop)
         else:
-            speeds, self._stop = self._stop[0], np.vstack([self._stop[1:], 0.0 * before])
+            speeds = self._stop[0]
+            self._stop = np.vstack([self._stop[1:], 0.0 * before])
         self._target = self._target + self._step * speeds
         self._sent, self._ticks = sent.after(speeds, self.robot, self._gravity), self._ticks + 1
         state = (self._sent.position, self._sent.velocity, self._sent.acceleration)

@@ -13,7 +13,8 @@ from geodesic_ocp.arrays import as_number
 from geodesic_ocp.synergies.synergy import Synergy
 
 # Of the arm's longest synergy.
-_DROPPED, _MERGED = 0.03, 0.15
+_DROPPED = 0.03
+_MERGED = 0.15
 _REST = 0.1  # [s], shortest pause that becomes a rest
 
 Kind = Literal["kept", "merged", "rest"]
@@ -48,7 +49,8 @@ class _Piece(NamedTuple):
     still: bool = False
 
     def with_(self, other: _Piece) -> _Piece:
-        first, last = min(self.first, other.first), max(self.last, other.last)
+        first = min(self.first, other.first)
+        last = max(self.last, other.last)
         return _Piece(first, last, self.length + other.length, self.seconds + other.seconds)
 
 
@@ -150,7 +152,8 @@ def _attached(pieces: list[_Piece], merge: float) -> list[_Piece]:
 
 def _group(piece: _Piece, synergies: Sequence[Synergy], drop: float) -> SynergyGroup:
     members = tuple(range(piece.first, piece.last + 1))
-    start, stop = synergies[piece.first].start, synergies[piece.last].stop
+    start = synergies[piece.first].start
+    stop = synergies[piece.last].stop
     if piece.still:
         return SynergyGroup(start, stop, members, members, "rest")
     # Several short ones in a row may be a movement together.

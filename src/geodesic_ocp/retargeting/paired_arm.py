@@ -95,7 +95,8 @@ class Pose(ShortRepr):
 def _pose_squares(model: Model, hands: tuple[str, ...]) -> Terms:
     """Return squared distance and angle of each hand from a pose, p: `Pose.numbers`."""
     count = len(hands)
-    q, p = ca.SX.sym("q", model.dof), ca.SX.sym("p", 12 * count)
+    q = ca.SX.sym("q", model.dof)
+    p = ca.SX.sym("p", 12 * count)
     rotation = ca.reshape(p[3 * count :], 3 * count, 3)
     error = stacked_error(model, hands, q, p[: 3 * count], rotation, ca.SX.eye(3))
     squares = [ca.sumsqr(each) for each in ca.vertsplit(error, 3)]
@@ -188,7 +189,8 @@ def elbow_offset(model: Model, alignment: Alignment, q: Any, shoulder: Any = Non
         shoulder = moved + waist_turn(model, q) @ (shoulder - place)
     _, elbow = model.frame_pose(str(alignment.elbow), q)
     _, wrist = model.frame_pose(str(alignment.wrist), q)
-    upper, whole = elbow - shoulder, wrist - shoulder
+    upper = elbow - shoulder
+    whole = wrist - shoulder
     along = ca.dot(upper, whole) / (ca.sumsqr(whole) + _SHORTEST)
     offset: ca.SX = (upper - along * whole) / alignment.length
     return offset
@@ -240,7 +242,8 @@ class PoseMapping(ShortRepr):
         cls, model: Model, source: Alignment, target: Alignment, settings: RetargetingSettings
     ) -> PoseMapping:
         """Map poses: scaled by the ratio of lengths by default, mirrored if sides differ."""
-        mirror, scale = settings.mirror, settings.scale
+        mirror = settings.mirror
+        scale = settings.scale
         if mirror is None:
             mirror = None not in (source.side, target.side) and source.side != target.side
         if scale is None or scale == "fit":

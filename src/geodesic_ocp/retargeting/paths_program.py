@@ -62,10 +62,13 @@ def positions_at(parts: Sequence[ArmPart], nodes: Sequence[Array], times: Array)
 
 def places_at(parts: Sequence[ArmPart], size: int, times: Array) -> scipy.sparse.csr_array:
     """Return the matrix (k N, size) from the variables to all joints at times (k,) [s]."""
-    dof, first, column = sum(part.dof for part in parts), 0, 0
+    dof = sum(part.dof for part in parts)
+    first = 0
+    column = 0
     found = []
     for part in parts:
-        grid, s = part.grid, own_time(part, times)
+        grid = part.grid
+        s = own_time(part, times)
         every = np.arange(grid.degree + 1)
         basis = grid.interpolate(np.tile(np.eye(every.size), (grid.segments, 1, 1)), s)
         segment = np.searchsorted(grid.breakpoints[1:-1], s, "right")
@@ -74,7 +77,8 @@ def places_at(parts: Sequence[ArmPart], size: int, times: Array) -> scipy.sparse
         rows = dof * np.arange(s.size)[:, None] + column + joints
         places = first + part.dof * nodes + joints
         found.append([each.ravel() for each in np.broadcast_arrays(basis, rows, places)])
-        first, column = first + part.size, column + part.dof
+        first = first + part.size
+        column = column + part.dof
     entries, at, columns = map(np.concatenate, zip(*found, strict=True))
     return scipy.sparse.csr_array((entries, (at, columns)), (dof * times.size, size))
 
@@ -149,7 +153,8 @@ class ArmPart:
     @cached_property
     def bounds(self) -> NodeBounds:
         """Return bounds of the positions at the nodes, and of conditions along the paths."""
-        found, given = NodeBounds.on_grid(self.definition.conditions, self.grid), self.waypoints
+        found = NodeBounds.on_grid(self.definition.conditions, self.grid)
+        given = self.waypoints
         if not given.limited:
             return found
         lower, upper = (
@@ -169,7 +174,8 @@ class ArmPart:
         # The objective is the action in its unit.
         units = Units(np.zeros(self.dof), 1.0, weights.action * self.moving_time)
         transcription = self.definition.transcription(self.grid)
-        found, row = [], 0
+        found = []
+        row = 0
         for block in transcription.blocks(ca.DM(units.parameters(self.grid)), first):
             here = slice(row, row + block.size_g)
             lower, upper = (
@@ -179,7 +185,8 @@ class ArmPart:
             found.append(replace(block, lower=lower, upper=upper))
             row = here.stop
         if self.heavy:  # by the sum, not the mean, of the movements
-            given, shares = self.waypoints, self._at_nodes(self.grid.weights)
+            given = self.waypoints
+            shares = self._at_nodes(self.grid.weights)
             terms = _weak_joints(given.arm, given.alignment, tuple(given.limits.torque.tolist()))
             found.append(Block(terms, self._places(first), weights=given.count * shares))
         return [*found, self.hand_block(first), self.waypoint_block(first, weights)]
@@ -204,7 +211,8 @@ class ArmPart:
         """Return costs of the hands' distances and angles from the person's at the nodes, whose sum
         is a mean along the paths.
         """
-        given, grid = self.waypoints, self.grid
+        given = self.waypoints
+        grid = self.grid
         edges = grid.breakpoints[[0, *self.last_segments]]
         poses = given.target_at(np.interp(grid.nodes, edges, np.arange(edges.size)))
         counted = [0 in given.rows, 3 in given.rows]
@@ -214,7 +222,8 @@ class ArmPart:
         attained = (self.missed == 0.0) | self.allowed
         movement = np.searchsorted(self.last_segments, np.arange(grid.segments), side="right")
         weights = grid.weights * (attained[:-1] & attained[1:])[movement, None]
-        shares, terms = self._at_nodes(weights), _off_the_hands(given.arm, given.hands)
+        shares = self._at_nodes(weights)
+        terms = _off_the_hands(given.arm, given.hands)
         return Block(terms, self._places(first), values, weights=_HAND * shares)
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
@@ -224,7 +233,8 @@ class ArmPart:
             first: index of the first of the arm's variables.
             weights: weights of the objective.
         """
-        given, count = self.waypoints, self.waypoints.count + 1
+        given = self.waypoints
+        count = self.waypoints.count + 1
         rows = [given.parameters(k, each, weights) for k, each in enumerate(self.missed[:, None])]
         nodes = self.grid.degree * np.array([0, *self.last_segments])
         places = first + self.dof * nodes[:, None] + np.arange(self.dof)
@@ -253,7 +263,8 @@ class ArmPart:
         Args:
             intervals: for each movement the share of each interval in its duration, (m, intervals).
         """
-        breakpoints, halves = self.grid.breakpoints, list[tuple[int, int, int]]()
+        breakpoints = self.grid.breakpoints
+        halves = list[tuple[int, int, int]]()
         for number, (first, last) in enumerate(pairwise([0, *self.last_segments])):
             middle = np.abs(2.0 * breakpoints - breakpoints[first] - breakpoints[last]).argmin()
             edges = dict.fromkeys([first, int(middle), last])
@@ -262,7 +273,8 @@ class ArmPart:
         speed = self.waypoints.speed[numbers]
         half, joint = np.nonzero(np.isfinite(speed))
         seconds = self.moving_time * (breakpoints[ends] - breakpoints[begins])[half]
-        entries, rows = 1.0 / (speed[half, joint] * seconds), np.arange(half.size)
+        entries = 1.0 / (speed[half, joint] * seconds)
+        rows = np.arange(half.size)
         columns = [self.grid.degree * self.dof * at[half] + joint for at in (ends, begins)]
         places = np.tile(rows, 2), np.concatenate(columns)
         given = np.concatenate([entries, -entries]), places
@@ -285,7 +297,8 @@ class ArmPart:
 
     def paths(self, nodes: Array) -> list[Path]:
         """Return the path of each movement."""
-        grid, found = self.grid, []
+        grid = self.grid
+        found = []
         for first, last in pairwise([0, *self.last_segments]):
             ends = grid.breakpoints[first : last + 1]
             ends = (ends - ends[0]) / (ends[-1] - ends[0])
@@ -346,7 +359,8 @@ class MotionProgram:
     @cached_property
     def _speed_rows(self) -> tuple[scipy.sparse.csr_array, Array]:
         """A (rows, nodes of all arms) and B (rows, intervals): A x <= 1 + B sigma."""
-        steps, found = np.diff(self.edges), []
+        steps = np.diff(self.edges)
+        found = []
         for part in self.parts:
             begins, ends = (each[:, None] for each in (part.waypoints.begins, part.waypoints.ends))
             inside = (self.edges[:-1] >= begins - 1e-9) & (self.edges[1:] <= ends + 1e-9)
@@ -368,7 +382,8 @@ class MotionProgram:
         if rows := by_nodes.shape[0]:
             slack = scipy.sparse.csr_array((rows, len(self.rows)))
             both = scipy.sparse.hstack([by_nodes, -by_time, slack], format="csr")
-            lower, upper = np.full((rows, 1), -np.inf), np.ones((rows, 1))
+            lower = np.full((rows, 1), -np.inf)
+            upper = np.ones((rows, 1))
             blocks.append(Block(_identity(), both, None, lower, upper))
         return BlockProgram(self.size, blocks + (self._distances() if self.rows else []))
 
@@ -387,13 +402,15 @@ class MotionProgram:
     def _distances(self) -> list[Block]:
         times = {time: number for number, time in enumerate({time for _, time in self.rows})}
         every = places_at(self.parts, self.size, np.array(list(times)))
-        dof, slack = self.clearance.dof, every.shape[0]
+        dof = self.clearance.dof
+        slack = every.shape[0]
         every = scipy.sparse.vstack(
             [every, scipy.sparse.eye_array(self.size, format="csr")[self.offsets[-1] :]], "csr"
         )
         blocks = []
         for function, group in self._groups.items():
-            places, values = [], []
+            places = []
+            values = []
             for number, time in group:
                 part = self.clearance.part(number)
                 places.append([*(dof * times[time] + np.array(part.columns)), slack])
@@ -402,8 +419,11 @@ class MotionProgram:
             lower = np.array([[self.rows[row]] for row in group])
             blocks.append(
                 Block(
-                    *(distance_terms(function), every[np.ravel(places)], np.array(values)),
-                    *(lower, np.full_like(lower, np.inf)),
+                    distance_terms(function),
+                    every[np.ravel(places)],
+                    np.array(values),
+                    lower,
+                    np.full_like(lower, np.inf),
                 )
             )
         return blocks
@@ -411,7 +431,8 @@ class MotionProgram:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of the variables."""
-        bounds, count = [part.bounds for part in self.parts], self.size - self.offsets[-2]
+        bounds = [part.bounds for part in self.parts]
+        count = self.size - self.offsets[-2]
         return (
             np.concatenate([*(each.lower.ravel() for each in bounds), np.zeros(count)]),
             np.concatenate([*(each.upper.ravel() for each in bounds), np.full(count, np.inf)]),
@@ -455,8 +476,10 @@ def _off_the_hands(arm: Model, hands: tuple[str, ...]) -> Terms:
     sqrt(1 + x^2) - 1 + sqrt(1 + y^2) - 1: squares nearby and proportional far off, so that a detour
     that cannot be avoided does not become slow.
     """
-    count, cost = len(hands), ca.SX(0)
-    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", 12 * count + 2)
+    count = len(hands)
+    cost = ca.SX(0)
+    q = ca.SX.sym("q", arm.dof)
+    p = ca.SX.sym("p", 12 * count + 2)
     position, rotation, units = ca.vertsplit(p, [0, 3 * count, 12 * count, 12 * count + 2])
     rotation = ca.reshape(rotation, 3 * count, 3)
     for number, hand in enumerate(hands):
@@ -482,7 +505,8 @@ def _weak_joints(arm: Model, alignment: Alignment, torque: tuple[float, ...]) ->
 @lru_cache(maxsize=1)
 def linear_terms() -> Terms:
     """Return a variable times its weight, in the objective."""
-    x, weight = ca.SX.sym("x"), ca.SX.sym("weight")
+    x = ca.SX.sym("x")
+    weight = ca.SX.sym("weight")
     return Terms(x, weight, weight * x)
 
 

@@ -41,7 +41,8 @@ from geodesic_ocp.retargeting.waypoints import (
 from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
-_SHIFTS, _TURNS = (-0.3, 0.3), (-np.pi / 2.0, np.pi / 2.0)  # [m], [rad]
+_SHIFTS = (-0.3, 0.3)  # [m], [rad]
+_TURNS = (-np.pi / 2.0, np.pi / 2.0)  # [m], [rad]
 _TRIED = 64  # mountings for which poses within reach are counted
 _RATIO = 1.1673039782614187  # x^5 = x + 1: its powers cover four dimensions evenly (Roberts)
 _STEPS = 20  # of inverse kinematics, from each of
@@ -51,7 +52,8 @@ _CHOSEN = 8  # mountings for which configurations are chosen
 _ROUGHLY = 8  # from so many starts; for the best of these, from as many as elsewhere
 # The best one is improved until all poses are within reach, with these factors of positions, and
 # then with smaller ones where the scale is left to `retarget`.
-_SAME, _SMALLER = (1.0, 1.0), (0.95, 0.9)
+_SAME = (1.0, 1.0)
+_SMALLER = (0.95, 0.9)
 _TOLERANCE = 1e-6
 _WITHIN = 1e-4  # [m] and [rad]
 
@@ -215,7 +217,8 @@ def best_place(pair: PairedArm, clearance: Clearance | None) -> tuple[PairedArm,
     lower, upper = np.transpose([_SHIFTS, _SHIFTS, _SHIFTS, _TURNS])
     search = _BaseSearch((pair,), lower, upper, False, clearance)
     tried = search.improved(search.begun(), _SAME)
-    found, scale = search.placement(tried), pair.mapping.scale
+    found = search.placement(tried)
+    scale = pair.mapping.scale
     if pair.settings.scale is None and scale > 1.0 and found.reached < found.count:
         other = replace(search, pairs=(pair.scaled(1.0 / scale),)).best()
         if other.reached > found.reached:
@@ -281,9 +284,11 @@ class _BaseSearch:
         """Return what has been tried, and the last one improved with factors of positions, one
         after the other until all poses are attained, and with the same as long as that gains any.
         """
-        tried, gains = list(tried), True
+        tried = list(tried)
+        gains = True
         for factor in factors:
-            found, most = tried[-1], max(each.reached for each in tried)
+            found = tried[-1]
+            most = max(each.reached for each in tried)
             if factor == found.factor and not gains:
                 continue
             polished = self._polished(found, factor)
@@ -304,7 +309,8 @@ class _BaseSearch:
 
     def placement(self, tried: Sequence[_Mounted]) -> BasePlacement:
         """Return the best of those that have been tried."""
-        found, before = min(tried, key=_rank), self._before
+        found = min(tried, key=_rank)
+        before = self._before
         return BasePlacement(
             self.alignments(found.place, found.mirrored),
             found.place[:3],
@@ -312,7 +318,10 @@ class _BaseSearch:
             found.mirrored,
             found.factor,
             self._count,
-            *(found.reached, before.reached, found.cost, before.cost),
+            found.reached,
+            before.reached,
+            found.cost,
+            before.cost,
         )
 
     def alignments(self, place: Array, mirrored: bool) -> tuple[Alignment, ...]:
@@ -322,7 +331,8 @@ class _BaseSearch:
             return tuple(default)
         up = np.asarray(default[0].base)
         base = up @ yawed(-place[3])
-        turn, centre = base @ up.T, middle_of_shoulders(default)
+        turn = base @ up.T
+        centre = middle_of_shoulders(default)
         found = []
         for each in default:
             shoulder = centre + turn @ (np.asarray(each.shoulder) - centre) - base @ place[:3]
@@ -338,7 +348,9 @@ class _BaseSearch:
     ) -> _Mounted:
         """Return the mounting at a place, with poses within reach and cost, from so many starts."""
         arms = self._waypoints(self.alignments(place, mirrored), factor)
-        layers, reached, cost = tuple(first_candidates(arm, *num_starts) for arm in arms), 0, 0.0
+        layers = tuple(first_candidates(arm, *num_starts) for arm in arms)
+        reached = 0
+        cost = 0.0
         for arm, own, weights in zip(arms, layers, self._weights, strict=True):
             reached += sum(attained(arm, own, self._lacks))
             cost += best_candidates(arm, weights, own).cost
@@ -369,7 +381,8 @@ class _BaseSearch:
         apart, with a factor of positions.
         """
         aligned = self.alignments(np.zeros(4), start.mirrored)
-        arms, bounds = self._waypoints(aligned, factor), (self.lower, self.upper)
+        arms = self._waypoints(aligned, factor)
+        bounds = (self.lower, self.upper)
         program = PlaceProgram(arms, self._weights, aligned, *bounds, self.clearance)
         given = zip(start.arms, self._weights, start.layers, strict=True)
         q = np.vstack([best_candidates(*each, self._lacks).q for each in given])
@@ -390,7 +403,8 @@ class _BaseSearch:
         some = some[:_MOST_POSES]
         starts = np.concatenate([q[0, some, None], random[some, : _STARTS - 1]], axis=1)
         q, missed = self._nearest(tried, some, starts, _STEPS)
-        reached, held = missed <= _WITHIN, np.zeros(missed.shape, dtype=bool)
+        reached = missed <= _WITHIN
+        held = np.zeros(missed.shape, dtype=bool)
         held[reached] = list(can_hold(self._default[0], self._lacks, q[reached]))
         away = np.minimum(missed, 1.0).sum(axis=1).round(3)
         order = np.lexsort((away, -held.sum(axis=1), -reached.sum(axis=1)))
@@ -408,7 +422,8 @@ class _BaseSearch:
         That is the sum of distance and angle (c, k) over the hands, each of which is sought by
         itself, with a waist that is upright.
         """
-        robot, turning = self.robot, self.pairs[0].settings.orientation_weight > 0.0
+        robot = self.robot
+        turning = self.pairs[0].settings.orientation_weight > 0.0
         still = dict(zip(robot.joint_names, upright(robot).tolist(), strict=True))
         waist = {name: still[name] for name in robot.shared_joints}
         robot = robot.with_limits(waist, waist)
@@ -455,5 +470,6 @@ def _at(pair: PairedArm, alignments: Sequence[Alignment], factor: float) -> Pair
 
 def _rounded(place: Array) -> Array:
     """Round to millimetres and a tenth of a degree, as a base can be set up."""
-    shift, yaw = np.round(place[..., :3], 3), np.round(np.degrees(place[..., 3:]), 1)
+    shift = np.round(place[..., :3], 3)
+    yaw = np.round(np.degrees(place[..., 3:]), 1)
     return np.concatenate([shift, np.radians(yaw)], axis=-1) + 0.0

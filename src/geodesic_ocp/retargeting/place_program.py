@@ -61,10 +61,16 @@ class PlaceProgram:
         """Return the place (4,) at which distances lack least, of the solutions from a place and
         configurations (k, n) at the waypoints of all recordings.
         """
-        robot, first = self.arms[0].arm, 4
-        n, aligned = robot.dof, self.alignments
-        centre, base = middle_of_shoulders(aligned), np.asarray(aligned[0].base)
-        places, values, steps, lines = [], [], [], []
+        robot = self.arms[0].arm
+        first = 4
+        n = robot.dof
+        aligned = self.alignments
+        centre = middle_of_shoulders(aligned)
+        base = np.asarray(aligned[0].base)
+        places = []
+        values = []
+        steps = []
+        lines = []
         for arm, weights in zip(self.arms, self.weights, strict=True):
             rows = first + np.arange((arm.count + 1) * n).reshape(-1, n)
             first += rows.size
@@ -79,7 +85,8 @@ class PlaceProgram:
                 steps.append([*rows[number], *rows[number + 1]])
                 speed = arm.speed[number] * duration
                 lines.append([1.0 / (duration * weights.action), late, *(1.0 / speed)])
-        arm, torque = self.arms[0], tuple(self.arms[0].limits.torque.tolist())
+        arm = self.arms[0]
+        torque = tuple(self.arms[0].limits.torque.tolist())
         misses = first + np.arange(len(places) * len(arm.rows)).reshape(len(places), -1)
         exact = np.zeros(misses.shape)
         terms = _pose_terms(robot, arm.hands, aligned, arm.rows, torque)
@@ -88,16 +95,20 @@ class PlaceProgram:
             Block(_line_terms(robot), np.array(steps), np.array(lines)),
         ]
         kept = dict[tuple[int, int], float]()
-        free, at = np.full(misses.size, np.inf), np.tile(place, (len(q), 1))
+        free = np.full(misses.size, np.inf)
+        at = np.tile(place, (len(q), 1))
         off = terms.at("value", np.hstack([at, q, exact]), np.array(values))[1]
         missed = _EXACT * off.ravel()  # so that the start meets the equalities
         lower = np.concatenate([self.lower, np.tile(robot.lower, len(q)), -free])
         upper = np.concatenate([self.upper, np.tile(robot.upper, len(q)), free])
-        last, best, least = first + misses.size, place, np.inf
+        last = first + misses.size
+        best = place
+        least = np.inf
         for number in range(_APART + 1):
             kept, lacks = self._small_distances(q, kept)
             if number and lacks < least:
-                best, least = place, lacks
+                best = place
+                least = lacks
             if number == _APART or least == 0.0:
                 break
             slack = np.zeros(len(kept))
@@ -152,9 +163,11 @@ def middle_of_shoulders(alignments: Sequence[Alignment]) -> Array:
 def yawed(angle: float | ca.SX) -> ca.SX | Array:
     """Return the rotation by an angle about z."""
     if isinstance(angle, ca.SX):
-        c, s = ca.cos(angle), ca.sin(angle)
+        c = ca.cos(angle)
+        s = ca.sin(angle)
         return ca.blockcat([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -171,11 +184,15 @@ def _pose_terms(
     """
     count = len(hands)
     edges = np.cumsum([0, 3 * count, 9 * count, 3, 3 * count, 9, 9, 3]).tolist()
-    place, q, p = ca.SX.sym("place", 4), ca.SX.sym("q", robot.dof), ca.SX.sym("p", edges[-1])
+    place = ca.SX.sym("place", 4)
+    q = ca.SX.sym("q", robot.dof)
+    p = ca.SX.sym("p", edges[-1])
     positions, rotations, centre, offsets, base, thorax, weights = ca.vertsplit(p, edges)
-    base, thorax = ca.reshape(base, 3, 3), ca.reshape(thorax, 3, 3)
+    base = ca.reshape(base, 3, 3)
+    thorax = ca.reshape(thorax, 3, 3)
     turned = base @ yawed(-place[3])
-    turn, moved = turned @ base.T, centre - turned @ place[:3]
+    turn = turned @ base.T
+    moved = centre - turned @ place[:3]
     position = ca.vertcat(*(moved + turn @ (x - centre) for x in ca.vertsplit(positions, 3)))
     rotation = ca.vertcat(
         *(turn @ each for each in ca.vertsplit(ca.reshape(rotations, 3 * count, 3), 3))
@@ -200,7 +217,8 @@ def _pose_terms(
 def _line_terms(robot: Model) -> Terms:
     """Return action and lateness of the straight line between two configurations."""
     n = robot.dof
-    z, p = ca.SX.sym("z", 2 * n), ca.SX.sym("p", 2 + n)
+    z = ca.SX.sym("z", 2 * n)
+    p = ca.SX.sym("p", 2 + n)
     change = z[n:] - z[:n]
     action = ca.bilin(robot.mass_matrix((z[:n] + z[n:]) / 2.0), change, change) / 2.0
     late = ca.fmax(0.0, ca.fabs(change * p[2:]) - 1.0) ** 2

@@ -74,7 +74,8 @@ def mountings(alignment: Alignment, missed: Array) -> list[Mounting]:
         missed: mean vector (3,) [m] from the nearest positions within reach to those out of reach,
             in the robot's base; zero if the positions are within reach.
     """
-    size, directions = float(np.linalg.norm(missed)), np.asarray(alignment.base).T
+    size = float(np.linalg.norm(missed))
+    directions = np.asarray(alignment.base).T
     back = []  # the person's shoulder, so that poses out of reach come nearer to the robot
     if size > 0.0:
         parts = (_SHIFTS[0] / 2.0, *_SHIFTS)
@@ -158,12 +159,14 @@ def nearest_poses(
         starts: configurations (k, m, n).
         steps: number of steps.
     """
-    count, rows = len(starts), tuple(range(3 if rotations is None else 6))
+    count = len(starts)
+    rows = tuple(range(3 if rotations is None else 6))
     turned = np.repeat(np.eye(3)[None], count, axis=0) if rotations is None else rotations
     by_columns = turned.transpose(0, 2, 1).reshape(count, 9)
     axes = np.tile(np.eye(3).ravel(), (count, 1))
     p = np.hstack([positions, by_columns, axes])
-    terms, weights = step_terms(robot, rows, (robot.hand,)), np.ones(len(rows))
+    terms = step_terms(robot, rows, (robot.hand,))
+    weights = np.ones(len(rows))
     q, errors = search_each(terms, p, starts, search_range(robot), weights, steps, True)
     nearest = np.arange(count), (errors**2).sum(axis=2).argmin(axis=1)
     distances = np.linalg.norm(errors[nearest][:, :3], axis=1)
@@ -197,8 +200,11 @@ def search_range(robot: Model) -> tuple[Array, Array]:
 
 
 _WITHIN = 1e-4  # [m] and [rad]
-_STARTS, _STEPS = 20, 40
-_FEW_STARTS, _FEW_STEPS = 6, 20  # of a mounting that is tried
+_STARTS = 20
+_STEPS = 40
+# of a mounting that is tried
+_FEW_STARTS = 6
+_FEW_STEPS = 20
 _MOST_POSES = 24  # for which mountings are tried
 _TOGETHER = 8  # mountings that are tried at once
 
@@ -302,7 +308,8 @@ def reachability(
     mounting: Mounting | None
     mounting, helped = _best(robot, alignment, turned, placed, found)
     if helped <= int(attained.sum()):
-        mounting, helped = None, int(attained.sum())
+        mounting = None
+        helped = int(attained.sum())
     advice = _advice(robot, unreachable, len(placed), mounting, helped, scale, turned is not None)
     return Reachability(len(placed), unreachable, mounting, helped, advice)
 
@@ -314,19 +321,20 @@ def scaled_to_fit(pairs: Sequence[PairedArm]) -> list[PairedArm]:
     """
     best = 1.0
     for pair in pairs:
-        robot, samples = pair.robot, pair.key_samples
+        robot = pair.robot
+        samples = pair.key_samples
         turned, placed = (each[samples] for each in pair.target_poses)
         rotations = turned[None] if pair.settings.orientation_weight > 0.0 else None
-        shoulder, starts = (
-            np.asarray(pair.mapping.target.shoulder),
-            random_starts(robot, len(turned)),
-        )
-        factor, most = 1.0, -1
+        shoulder = np.asarray(pair.mapping.target.shoulder)
+        starts = random_starts(robot, len(turned))
+        factor = 1.0
+        most = -1
         for tried in _FITTING:
             scaled = (shoulder + tried * (placed - shoulder))[None]
             found = nearest_of_each(robot, rotations, scaled, starts, _STEPS)
             if (within := int(found.within_reach.sum())) > most:
-                factor, most = tried, within
+                factor = tried
+                most = within
             if most == len(samples):
                 break
         best = min(best, factor)
@@ -390,13 +398,15 @@ def _best(
     _, nearest = robot.hand_pose(found.q)
     far = found.distances > _WITHIN
     missed = (positions - nearest)[far].mean(axis=0) if np.any(far) else np.zeros(3)
-    best, most = None, -1
+    best = None
+    most = -1
     tried = mountings(alignment, missed)
     for first in range(0, len(tried), _TOGETHER):
         several = tried[first : first + _TOGETHER]
         numbers = within_reach(several, order, starts, _FEW_STEPS)
         if numbers.max() > most:
-            best, most = several[numbers.argmax()], int(numbers.max())
+            best = several[numbers.argmax()]
+            most = int(numbers.max())
         if most == len(order):
             break
     assert best is not None

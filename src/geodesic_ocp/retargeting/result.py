@@ -207,9 +207,12 @@ class Retargeting:
         Args:
             arm: number of the arm, or of the hand of a body.
         """
-        one, settings = self.arms[arm], self.settings
+        one = self.arms[arm]
+        settings = self.settings
         found = compare_under_equal_limits(
-            *(self.planned, one.analysis.motion, one.mapping),
+            self.planned,
+            one.analysis.motion,
+            one.mapping,
             arm=one.body,
             body=one if len(one.hands) > 1 else None,
             rate=self.rate,
@@ -265,7 +268,8 @@ class Retargeting:
                 )
         notes = []
         for arm in self.arms:
-            name, (distance, angle) = arm.name, arm.pose_errors[0]
+            name = arm.name
+            (distance, angle) = arm.pose_errors[0]
             notes.append(f"{name} begins {distance:.2g} m and {angle:.2g} rad from its first pose.")
             if arm.mapping.turned:
                 turned = "is turned by 180 degrees, the same grasp; errors are from poses so turned"
@@ -292,11 +296,13 @@ class Retargeting:
             hands = (arm.target_poses[1], arm.robot.hand_pose(arm.motion.q)[1])
             joints = []
             for joint in widest_of_thirds(arm.motion.q):
-                name, unit = arm.robot.joint_names[joint], arm.robot.units[joint]
+                name = arm.robot.joint_names[joint]
+                unit = arm.robot.units[joint]
                 label = f"{name.removesuffix('_joint').removeprefix('panda_')}\n[{unit}]"
                 joints.append((label, arm.tracked.q[:, joint], arm.motion.q[:, joint]))
             ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
-            names, other = ("person's hand, mapped", "geodesic synergies"), _METHODS["ik"]
+            names = ("person's hand, mapped", "geodesic synergies")
+            other = _METHODS["ik"]
             strips = retargeting_strips(arm)
             draw_overview(part, time, segments, hands, joints, names, other, ticks, strips)
             part.suptitle(
@@ -372,7 +378,9 @@ def _span(indices: tuple[int, ...]) -> str:
 
 
 # A hand's path is a detour if it is longer than this factor times the person's, and this much more.
-_FACTOR, _MORE, _MORE_ANGLE = 2.0, 0.15, 1.0  # [m], [rad]
+_FACTOR = 2.0  # [m], [rad]
+_MORE = 0.15  # [m], [rad]
+_MORE_ANGLE = 1.0  # [m], [rad]
 _SLOW = 3.0  # times the person's time
 _WHY = {
     TOO_NEAR: ", at which links would be too near each other",
@@ -410,7 +418,8 @@ def _nearer_than_margin(result: Retargeting) -> Iterator[str]:
     if result.clearance is None or result.touches:
         return
     least, samples = least_distances(result.clearance, result.trajectory.positions)
-    lower, known = result.clearance.lower, {name for name, *_ in result.too_near}
+    lower = result.clearance.lower
+    known = {name for name, *_ in result.too_near}
     named = dict[str, int]()
     for k in np.argsort(least).tolist():
         name = result.clearance.names[k].partition(" (")[0]
@@ -426,7 +435,8 @@ def _nearer_than_margin(result: Retargeting) -> Iterator[str]:
 
 def _beyond_share(result: Retargeting) -> Iterator[str]:
     """Yield joints that take more than the share of their torque limits, see `usable_torque`."""
-    efforts, share = result.trajectory.efforts, result.settings.torque_share
+    efforts = result.trajectory.efforts
+    share = result.settings.torque_share
     if efforts is None or not result.settings.within_limits:
         return
     limits = np.concatenate([arm.limits.torque for arm in result.bodies])
@@ -449,7 +459,8 @@ def _beyond_share(result: Retargeting) -> Iterator[str]:
 
 
 def _place(arm: RetargetedArm, number: int) -> str:
-    time, group = arm.analysis.motion.time, arm.groups[number - 1]
+    time = arm.analysis.motion.time
+    group = arm.groups[number - 1]
     span = f"{time[group.start]:.2f} to {time[group.stop]:.2f} s of the recording"
     return f"synergy {number} of {arm.name} ({span})"
 

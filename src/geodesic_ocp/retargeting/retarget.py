@@ -57,10 +57,14 @@ _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6
 _RATE = 100.0  # [Hz]
 _WORTH = 0.85  # of the cost through candidates, from which a turned gripper is tried first
-_SLOW, _SLOWEST = 1.5, 2.5  # times the person's time, of the motion and of a synergy: too slow
+# times the person's time, of the motion and of a synergy: too slow
+_SLOW = 1.5
+_SLOWEST = 2.5
 # Times the person's time from which a program is tried in which time weighs so much more, if it
 # starts from lines that need at most this share of the time.
-_LATE, _HURRY, _QUICKER = 1.05, 10.0, 0.99
+_LATE = 1.05
+_HURRY = 10.0
+_QUICKER = 0.99
 
 
 @shows_progress
@@ -210,7 +214,8 @@ def retarget_arms(
     """
     begin = time.perf_counter()
     report = progress or no_progress
-    tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
+    tolerance = as_positive("tolerance", tolerance)
+    rate = as_positive("rate", rate, "Hz")
     if not (isinstance(problem, type) and issubclass(problem, SynergyPaths)):
         raise ValueError(f"problem must be SynergyPaths or a subclass of it, got {problem!r}")
     pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
@@ -270,7 +275,8 @@ class _Plan:
         """Return the motion of one robot, moved if need be; where it is too slow or fails all the
         same, as a longer arm magnifies the person's motion, with positions as they are.
         """
-        found, scale = self._moved(pair), pair.mapping.scale
+        found = self._moved(pair)
+        scale = pair.mapping.scale
         fails = found[0].is_wanting
         if pair.settings.scale is not None or scale <= 1.0:
             return found
@@ -292,13 +298,15 @@ class _Plan:
         """Return the motion of one robot, from another place if more poses are attained there, or
         if it fails or is slow, and is better there.
         """
-        grasps, placed = _grasps(pair, self.tolerance), None
+        grasps = _grasps(pair, self.tolerance)
+        placed = None
         lacks = own_lacks(self.clearance, (grasps[0][1],), 0)
         if not any(all(attained(waypoints, layers, lacks)) for _, waypoints, layers in grasps):
             placed = self._placed(pair)
             if placed[1].gains:
                 return self._at(*placed)
-        found, failure = None, None
+        found = None
+        failure = None
         try:
             found = self.constrained(list(pair.of_hands), SynergyPaths, [grasps])
         except NotConverged as error:
@@ -336,7 +344,8 @@ class _Plan:
         placement: BasePlacement | None = None,
     ) -> tuple[Retargeting, list[str]]:
         """Return the motion of all arms by one program."""
-        settings, clearance = pairs[0].settings, self.clearance
+        settings = pairs[0].settings
+        clearance = self.clearance
         bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first
         weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
@@ -352,7 +361,8 @@ class _Plan:
                 break
         paths, chosen = min(found, key=lambda each: _rank(each[0]))
         arms_of = dict(zip(bodies, (each[0] for each in chosen), strict=True))
-        pairs, bodies = [arms_of.get(pair, pair) for pair in pairs], list(arms_of.values())
+        pairs = [arms_of.get(pair, pair) for pair in pairs]
+        bodies = list(arms_of.values())
         far = [unattained(pair, chosen[pair.body][2]) for pair in pairs]
         transfers = [transfers_on(pair, paths, each) for pair, each in zip(pairs, far, strict=True)]
         return self._in_time(pairs, bodies, far, transfers, paths, placement)
@@ -363,11 +373,14 @@ class _Plan:
         """
         if result.paths is None or result.is_wanting or result.stretch <= _LATE:
             return result, notes
-        given, arms, bodies = result.paths.problem, result.arms, result.bodies
+        given = result.paths.problem
+        arms = result.arms
+        bodies = result.bodies
         problem: Any = replace(given, stretch=_HURRY * given.stretch)
         if problem.least_time() > _QUICKER * given.least_time():
             return result, notes
-        paths, far = solve(problem, throw=False), [arm.out_of_reach for arm in arms]
+        paths = solve(problem, throw=False)
+        far = [arm.out_of_reach for arm in arms]
         transfers = [transfers_on(arm, paths, each) for arm, each in zip(arms, far, strict=True)]
         placed = paths, arms[0].placement
         tried = replace(self, throw=False)._in_time([*arms], [*bodies], far, transfers, *placed)
@@ -397,7 +410,8 @@ class _Plan:
         placement: BasePlacement | None = None,
     ) -> tuple[Retargeting, list[str]]:
         """Return the motion along paths; without distances if it cannot keep them."""
-        settings, notes = pairs[0].settings, _out_of_reach(pairs, far)
+        settings = pairs[0].settings
+        notes = _out_of_reach(pairs, far)
         arms = [_along_paths(pair, transfers[pairs.index(pair)], notes) for pair in bodies]
         plan = partial(
             plan_trajectory,
@@ -462,11 +476,13 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer], notes: list[str
     The torque of a joint that is too weak to hold the arm somewhere on its paths, in any time, is
     not limited; a sentence that says so is added to the notes.
     """
-    robot, share = pair.bounded, pair.settings.torque_share
+    robot = pair.bounded
+    share = pair.settings.torque_share
     paths = [transfer.path for transfer in transfers]
     nodes = np.vstack([path.nodes for path in paths])
     held = np.abs(robot.inverse_dynamics(nodes, 0.0 * nodes, 0.0 * nodes, pair.gravity))
-    limit, needed = pair.limits.torque, held.max(axis=0)
+    limit = pair.limits.torque
+    needed = held.max(axis=0)
     for joint in np.flatnonzero(needed > limit):
         notes.append(
             f"{robot.name} is too weak: to hold its arm {robot.joint_names[joint]} needs "
@@ -479,7 +495,8 @@ def _along_paths(pair: PairedArm, transfers: Sequence[Transfer], notes: list[str
 
 def _out_of_reach(pairs: Sequence[PairedArm], far: Sequence[PoseErrors]) -> list[str]:
     """Return a sentence on poses out of reach, if there are any."""
-    lines, advice = [], []
+    lines = []
+    advice = []
     for pair, poses in zip(pairs, far, strict=True):
         missed = {number: error for number, error in poses.items() if pair.is_missed(error)}
         for number, (distance, angle) in missed.items():

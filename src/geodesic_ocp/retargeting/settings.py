@@ -246,7 +246,8 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     """
     if not settings.constrained:
         return None
-    found, q = list[Clearance](), ca.SX.sym("q", sum(robot.dof for robot in robots))
+    found = list[Clearance]()
+    q = ca.SX.sym("q", sum(robot.dof for robot in robots))
     if settings.self_collision and not settings.pairs:
         found += filter(None, [_links_apart(tuple(robots), settings.margin)])
     first = 0

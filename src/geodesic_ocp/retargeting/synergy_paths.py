@@ -37,15 +37,19 @@ from geodesic_ocp.retargeting.paths_program import ArmPart, MotionProgram, posit
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 from geodesic_ocp.trajectory.path import Path
 
-_SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
+# of each movement, on the first grid
+_SEGMENTS = 2
+_DEGREE = 6
 _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
 _LACKING = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
-_ROUNDS, _MOST_SEGMENTS = 12, 400
+_ROUNDS = 12
+_MOST_SEGMENTS = 400
 _RESOLVED = 1e-4  # of the energy
 # With distances, which are kept at instants and make corners; and the number of grids on which it
 # also counts how well the paths are resolved.
-_RESOLVED_APART, _ROUNDS_APART = 1e-3, 3
+_RESOLVED_APART = 1e-3
+_ROUNDS_APART = 3
 _TINY = 1e-12
 _INSTANTS = 24  # of a movement at which distances are checked
 _DISTANCE_ROUNDS = 6
@@ -170,7 +174,8 @@ class SynergyPaths(ShortRepr, Problem):
             return []
         lower, upper = given.path_limits
         if given.start is not None:
-            lower, upper = np.minimum(lower, given.start), np.maximum(upper, given.start)
+            lower = np.minimum(lower, given.start)
+            upper = np.maximum(upper, given.start)
         return [(lower, q, upper, "joint limits")]
 
     def solved(self) -> PlannedPaths:
@@ -180,7 +185,9 @@ class SynergyPaths(ShortRepr, Problem):
         apart from there, it is tried from the shortest path that keeps distances, and from there
         with those distances from the beginning. Poses are given up last, in the best of these.
         """
-        edges, layers, weights = self._edges, self._layers, self._weights
+        edges = self._edges
+        layers = self._layers
+        weights = self._weights
         dof = sum(arm.arm.dof for arm in self.arms)
         clearance = self.clearance or joined_clearance([], dof)
         rounds = _Rounds(clearance, edges, weights, self.tolerance)
@@ -238,7 +245,8 @@ class SynergyPaths(ShortRepr, Problem):
     @property
     def _weights(self) -> ObjectiveWeights:
         pairs = zip(self.arms, self._layers, strict=True)
-        action, duration = sum(least_action(*pair) for pair in pairs), float(np.ptp(self._edges))
+        action = sum(least_action(*pair) for pair in pairs)
+        duration = float(np.ptp(self._edges))
         unit = action if action > AT_REST else 1.0
         return ObjectiveWeights(unit, duration, self.stretch, self.posture, self.likeness, DETOUR)
 
@@ -251,7 +259,9 @@ class SynergyPaths(ShortRepr, Problem):
         definitions = [replace(self, arms=(arm,)).definition() for arm in self.arms]
         before: list[Array] = []
         for clearance in dict.fromkeys((None, self.clearance)):
-            parts, nodes, lines = [], [], []
+            parts = []
+            nodes = []
+            lines = []
             for number, arm in enumerate(self.arms):
                 lacks = own_lacks(clearance, self.arms, number)
                 start = find_start(arm, weights, layers[number], lacks)
@@ -370,7 +380,9 @@ class _Rounds:
         """
         clearance = self.clearance
         rows = dict(start.rows)
-        free, lacking, failed = start.free, np.inf, False
+        free = start.free
+        lacking = np.inf
+        failed = False
 
         def solve(iterate: _Iterate) -> _Iterate:
             nonlocal failed
@@ -401,7 +413,8 @@ class _Rounds:
                         for one, each in pairs
                     ),
                 )
-                following, lacks = replace(free, iterations=iterate.iterations), np.inf
+                following = replace(free, iterations=iterate.iterations)
+                lacks = np.inf
             rows.update(more)
             lacking = lacks
             return iterate, following
@@ -459,7 +472,8 @@ def _yielding(clearance: Clearance, iterate: _Iterate) -> list[ArmPart] | None:
     """Return the arms with poses missed at which links are too near, first within what is allowed,
     then by any distance; None if there are no new ones.
     """
-    every, any_new = list[ArmPart](), False
+    every = list[ArmPart]()
+    any_new = False
     for part in iterate.parts:
         given = part.waypoints
         times = np.append(given.begins[0], given.ends)

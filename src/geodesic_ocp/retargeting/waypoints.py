@@ -61,7 +61,9 @@ class ObjectiveWeights:
 # A joint that holds the arm with more than the first share of its torque is too weak to move it,
 # one with more than the second nearly so to hold it. Costs of the squared excess, linear from some
 # 0.05 on.
-WEAK, TOO_WEAK, _EXCESS = (0.8, 300.0), (0.95, 1e4), 0.05
+WEAK = (0.8, 300.0)
+TOO_WEAK = (0.95, 1e4)
+_EXCESS = 0.05
 
 
 def weakness(
@@ -98,7 +100,8 @@ def _waypoint_terms(
     """
     count = len(hands)
     edges = np.cumsum([0, *np.array([3, 9, 6, 3, 3]) * count, 9, 3, 3]).tolist()  # see `parameters`
-    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", edges[-1])
+    q = ca.SX.sym("q", arm.dof)
+    p = ca.SX.sym("p", edges[-1])
     position, rotation, missed, offset, shoulder, turn, gravity, weights = ca.vertsplit(p, edges)
     rotation = ca.reshape(rotation, 3 * count, 3)
     error = stacked_error(arm, hands, q, position, rotation, ca.SX.eye(3))
@@ -119,7 +122,8 @@ def _waypoint_terms(
     return Terms(q, p, cost, ca.vertcat(error[list(rows)], *squares))
 
 
-_PEAK, _BRAKING = 1.5, 5.0
+_PEAK = 1.5
+_BRAKING = 5.0
 _ROOM = 2e-3  # [rad or m] that nodes keep from the limits, for what lies between them
 
 
@@ -196,7 +200,9 @@ class ArmWaypoints(ShortRepr):
 
         As neighbours help, and limits of jerk hinder, these predict the trajectory's times well.
         """
-        v, a, way = self.limits.velocity, self.limits.acceleration, np.abs(changes)
+        v = self.limits.velocity
+        a = self.limits.acceleration
+        way = np.abs(changes)
         with np.errstate(invalid="ignore"):  # without limits, no time is needed
             reached = v / (2.0 * a)
             times = np.where(way <= v * reached, np.sqrt(2.0 * way / a), way / v + reached)
@@ -223,14 +229,16 @@ class ArmWaypoints(ShortRepr):
 
     def strong_enough(self, q: Array) -> NDArray[np.bool_]:
         """Return whether joints can hold the arm at configurations (k, n), (k,)."""
-        still, gravity = np.zeros_like(q), gravity_on(self.alignment)
+        still = np.zeros_like(q)
+        gravity = gravity_on(self.alignment)
         held = np.abs(self.arm.inverse_dynamics(q, still, still, gravity))
         return np.asarray(np.all(held <= self.limits.torque, axis=1))
 
     @property
     def path_limits(self) -> tuple[Array, Array]:
         """Limits of the joints along the paths (n,)."""
-        lower, upper = self.arm.lower, self.arm.upper
+        lower = self.arm.lower
+        upper = self.arm.upper
         room = np.minimum(self.room, (upper - lower) / 2.0)
         return lower - room, upper + room
 
@@ -259,7 +267,8 @@ class ArmWaypoints(ShortRepr):
         """Return the elbows' offsets (3 h,) at a waypoint, the thorax's turn (9,), and the weights
         of posture, offsets and turn; zero of what is not known.
         """
-        offset, turn = np.zeros(3 * len(self.hands)), np.eye(3)
+        offset = np.zeros(3 * len(self.hands))
+        turn = np.eye(3)
         if self.offsets is not None:
             offset = self.offsets[number]
         if self.turns is not None:
@@ -276,7 +285,8 @@ class ArmWaypoints(ShortRepr):
             missed: weights (k,) of the squared pose error; zero for a pose within reach.
             weights: weights of the objective.
         """
-        pose, count = self.poses[number], len(self.hands)
+        pose = self.poses[number]
+        count = len(self.hands)
         offset, turn, own = self.likeness(number, weights)
         shoulders = [np.asarray(each.shoulder) for each in self._alignments]
         parts = pose.numbers, np.zeros(6 * count), offset, *shoulders, turn
@@ -295,14 +305,18 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         pair: person and robot.
         tolerance: tolerance of the paths' conditions.
     """
-    settings, mappings, motion = pair.settings, pair.mappings, pair.analysis.motion
+    settings = pair.settings
+    mappings = pair.mappings
+    motion = pair.analysis.motion
     room = max(_ROOM - 2.0 * tolerance, 0.0)
     moving = [group for group in pair.groups if group.kind != "rest"]
     samples = pair.key_samples
     begins = motion.time[[group.start for group in moving]]
     ends = motion.time[samples[1:]]
     if not moving:  # it stays at the first pose, planned as a path without length
-        begins, ends, samples = pair.edges[:1], pair.edges[-1:], samples * 2
+        begins = pair.edges[:1]
+        ends = pair.edges[-1:]
+        samples = samples * 2
     begun, ended = (np.interp(times, *pair.progress) for times in (begins, ends))
 
     def target_at(numbers: Array) -> tuple[Pose, ...]:
@@ -310,7 +324,8 @@ def arm_waypoints(pair: PairedArm, tolerance: float) -> ArmWaypoints:
         upto = begun[which] + (numbers - which) * (ended - begun)[which]
         return pair.targets(motion(np.interp(upto, *pair.progress[::-1])))
 
-    q, hands = motion.q[samples], pair.of_hands
+    q = motion.q[samples]
+    hands = pair.of_hands
     offsets = None
     if all(has_elbow(each.model, each.source) for each in mappings):
         offsets = np.hstack([each.elbow_offsets(q) for each in mappings])

@@ -121,7 +121,8 @@ def analyse_recording(
     Raises:
         ValueError, NotConverged: as `analyse`.
     """
-    model, motion = recording.model, recording.motion
+    model = recording.model
+    motion = recording.motion
     metric = settings.metric_of(model) if metric is None else metric
     return analyse(
         model,
@@ -188,7 +189,8 @@ def _failed(task: RecordingTask, kind: OutcomeKind, failure: Exception) -> Recor
 
 def _result(task: RecordingTask, target: Path) -> tuple[dict[str, Any], str]:
     """Return the record of the result and the text of the synergies' file; write the figure."""
-    source, settings = task.source, task.settings
+    source = task.source
+    settings = task.settings
     height, mass = stature(settings, source)
     recording = read_by_settings(
         source.path, source.side, settings, height, mass, one_of_many=True, part=source.part

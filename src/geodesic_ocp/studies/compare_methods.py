@@ -247,7 +247,8 @@ def compare_methods(
     if isinstance(methods, str) or not SECOND_ORDER.keys() >= set(others):
         raise ValueError(f"methods must be some of {', '.join(SECOND_ORDER)}, got {methods!r}")
     methods = (*metrics, *dict.fromkeys(others))
-    total, done = len(recordings) * (len(methods) + 1), 0
+    total = len(recordings) * (len(methods) + 1)
+    done = 0
 
     def report(label: str) -> None:
         nonlocal done

@@ -84,7 +84,9 @@ _LABELS = {
     "orientation": "mean error of the hand's orientation [rad]",
 }
 _MARKS = "os^DvPXph*<>"
-_LEAST_SHOWN, _BEYOND = 24, 1.25  # numbers of segments, and a factor beyond the largest mark
+# numbers of segments, and a factor beyond the largest mark
+_LEAST_SHOWN = 24
+_BEYOND = 1.25
 
 
 def _styles(count: int) -> list[dict[str, Any]]:
@@ -199,7 +201,8 @@ class MetricComparison:
         shown = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked))))
         visible: list[float] = []
         for (name, curve), style in zip(self.curves.items(), _styles(len(best)), strict=True):
-            errors, points = curve[measure], self.by_rule[name]
+            errors = curve[measure]
+            points = self.by_rule[name]
             few = {"markersize": 4.0} if len(errors) <= 12 else {"marker": "none"}
             axes.plot(errors, **{**style, **few}, label=name)
             at = {**style, "linestyle": "none", "zorder": 4}
@@ -389,7 +392,8 @@ def compare_metrics(
     frequency = bandwidth(motion, cutoff)
     floor = noise_left(motion, noise, frequency)
     rules = {"developed": segment_developed, "online": segment} if rules is None else rules
-    curves, by_rule = {}, {}
+    curves = {}
+    by_rule = {}
     for name, metric in named.items():
         found = optimal_segmentations(
             metric,

@@ -125,7 +125,8 @@ def compare_at_equal_numbers(
     errors = np.full((len(methods), len(given), wanted.size), np.nan)
     total = errors[..., 0].size
     for j, recording in enumerate(given):
-        model, motion = recording.model, recording.motion
+        model = recording.model
+        motion = recording.motion
         curved: Metric = (
             KineticEnergy(with_joint_inertia(model))
             if metric is None
@@ -134,7 +135,8 @@ def compare_at_equal_numbers(
         for i, (method, (is_flat, curve)) in enumerate(methods.items()):
             if progress is not None:
                 progress(f"{recording.name}: {method}", j * len(methods) + i, total)
-            its, n = Euclidean(model.dof) if is_flat else curved, model.dof
+            its = Euclidean(model.dof) if is_flat else curved
+            n = model.dof
             found: SplineKnots | OptimalSegmentations
             if curve is None:
                 found = spline_knots(its, motion, spacing=spacing)

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 VALUES = FRACTION * np.geomspace(0.1, 10.0, 13)  # [m r^2], about the default
 _RESAMPLES = 1000
 _KEYS = ["curve", "condition", "subject"]
-_UNIT, _RELATIVE = "m r^2 [kg m^2]", "joint inertia [m r^2]"
+_UNIT = "m r^2 [kg m^2]"
+_RELATIVE = "joint inertia [m r^2]"
 _ABSOLUTE = "joint inertia [kg m^2]"
 #: How a subject's joint inertia may depend on m r^2: the exponent that each hypothesis states.
 _HYPOTHESES = {"proportional to m r^2": 1.0, "the same in kg m^2": 0.0}
@@ -110,7 +111,8 @@ def _estimates(profiles: DataFrame) -> DataFrame:
     rows = {}
     for key, own in profiles.groupby(_KEYS, observed=True):
         curve = _profile(own)
-        count, unit = curve.errors.shape[1], own["m_r2_kg_m2"].mean()
+        count = curve.errors.shape[1]
+        unit = own["m_r2_kg_m2"].mean()
         value = float(minimizers(curve, np.ones((1, count)))[0, 0])
         value = value if 0.0 < value < np.inf else np.nan
         rows[key] = {
@@ -184,11 +186,14 @@ def scaling_table(profiles: DataFrame, confidence: float) -> DataFrame:
     found["known"] = found[_ABSOLUTE].notna() & ~assumed
     rows: list[dict[str, object]] = []
     for (curve, condition), own in found[found["known"]].groupby(level=_KEYS[:2], sort=False):
-        x, y, count = np.log(own[_UNIT]), np.log(own[_ABSOLUTE]), len(own)
+        x = np.log(own[_UNIT])
+        y = np.log(own[_ABSOLUTE])
+        count = len(own)
         slope = error = np.nan
         if count > 2 and np.ptp(x) > 0.0:
             line = scipy.stats.linregress(x, y)
-            slope, error = line.slope, line.stderr
+            slope = line.slope
+            error = line.stderr
         student = scipy.stats.t(max(count - 2, 1))
         half = student.ppf((1.0 + confidence) / 2.0) * error
         same = {"curve": curve, "condition": condition}

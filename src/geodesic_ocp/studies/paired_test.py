@@ -129,7 +129,8 @@ def paired_test(
     means = np.array([values[group].mean() for group in groups])
 
     better = means if larger_is_better else -means
-    wins, losses = int(np.sum(better > 0.0)), int(np.sum(better < 0.0))
+    wins = int(np.sum(better > 0.0))
+    losses = int(np.sum(better < 0.0))
     unequal = means[means != 0.0]
     interval, method = _bootstrap(means, confidence, seed)
     return PairedTest(

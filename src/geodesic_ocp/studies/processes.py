@@ -45,7 +45,8 @@ def completed(
                     with one_thread():  # processes start when something is submitted
                         future = executor.submit(run_task, task)
                 except BrokenExecutor as failure:
-                    broken, future = True, Future()
+                    broken = True
+                    future = Future()
                     future.set_exception(failure)
                 pending[future] = task
                 if broken:

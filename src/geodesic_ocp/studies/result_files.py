@@ -92,7 +92,8 @@ class RecordingOutcome:
         return f"RecordingOutcome({self.source.name!r}, {self.kind}: {self.text})"
 
 
-FORMAT, VERSION = "geodesic_ocp result of a recording", 2
+FORMAT = "geodesic_ocp result of a recording"
+VERSION = 2
 RESULTS = "results"  # folder of the results, within that of the output
 SYNERGIES = ".synergies.json"
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")

@@ -186,7 +186,8 @@ def recording_sources(
     for path in files:
         file = path.relative_to(root).as_posix()
         folder = PurePosixPath(file).parent.name
-        problem, entry = "", SubjectEntry("")
+        problem = ""
+        entry = SubjectEntry("")
         found_in: SubjectFrom | Literal[""] = ""
         if listed is not None:
             found_in = "table"
@@ -196,7 +197,8 @@ def recording_sources(
                 shown = "/".join(path.parts[-2:])
                 problem = f"{table} has no row whose file is the end of .../{shown}"
         elif named is not None:
-            found_in, (entry, problem) = "path", named.find(path.as_posix())
+            found_in = "path"
+            (entry, problem) = named.find(path.as_posix())
         for side in sides:
             sources.append(
                 RecordingSource(
@@ -218,11 +220,14 @@ def recording_sources(
 
 def identity(source: RecordingSource, own_subject: str) -> dict[str, str]:
     """Return what identifies a recording in the tables, with the subject that the file names."""
-    subject, subject_from = source.subject, str(source.subject_from)
+    subject = source.subject
+    subject_from = str(source.subject_from)
     if not subject:
-        subject, subject_from = own_subject, "file"
+        subject = own_subject
+        subject_from = "file"
     if not subject:
-        subject, subject_from = source.fallback, source.fallback_from
+        subject = source.fallback
+        subject_from = source.fallback_from
     return {
         "recording": source.name,
         "file": source.file,
@@ -245,7 +250,8 @@ def stature(
 
 def person_row(recording: Recording, settings: AnalysisSettings, source: RecordingSource) -> Row:
     """Return height and mass of the model, what they rest on, and the errors of markers."""
-    subject, fit = recording.motion.subject, recording.fit
+    subject = recording.motion.subject
+    fit = recording.fit
     height, mass = stature_of(subject, *stature(settings, source))
     row: Row = {"height_m": height, "mass_kg": mass}
     for name in ("height", "mass"):

@@ -146,7 +146,8 @@ def _check_labels(rows: DataFrame, by: str | None) -> None:
     """Check that a method means the same in all recordings under one condition, and the cuts."""
     labels = rows.assign(condition=conditions_of(rows, by), method_label=labels_of(rows))
     for _, own in labels.groupby("condition", sort=False):
-        first, other = own.iloc[0], own[own["cuts"] != own.iloc[0]["cuts"]]
+        first = own.iloc[0]
+        other = own[own["cuts"] != own.iloc[0]["cuts"]]
         if len(other):
             raise RecordingError(
                 f"cuts are {first['cuts'] or 'not known'} in recording {first['recording']}, but "
@@ -155,7 +156,8 @@ def _check_labels(rows: DataFrame, by: str | None) -> None:
                 "with the same settings, or compare the rules with by='cuts'"
             )
     for (method, _), own in labels.groupby(["method", "condition"], sort=False):
-        first, other = own.iloc[0], own[own["method_label"] != own.iloc[0]["method_label"]]
+        first = own.iloc[0]
+        other = own[own["method_label"] != own.iloc[0]["method_label"]]
         if len(other):
             raise RecordingError(
                 f"method {method} is {first['method_label']!r} in recording {first['recording']}, "

@@ -187,7 +187,8 @@ class StudyResult:
         """The recordings in natural order, each with the name of a subject and a condition."""
         from pandas import Categorical
 
-        rows, by = self.recordings, self.by
+        rows = self.recordings
+        by = self.by
         rows = rows.assign(subject=_subjects(rows), condition=conditions_of(rows, by))
         rows = rows.sort_values("recording", kind="stable").reset_index(drop=True)
         order = {name: in_natural_order(rows[name]) for name in ("condition", "subject")}
@@ -221,7 +222,8 @@ class StudyResult:
 
         Errors over a part of the segments are not: no other method's errors are over this part.
         """
-        chosen, rows = as_measure(measure), self._rows
+        chosen = as_measure(measure)
+        rows = self._rows
         values = rows[chosen.column].astype(float)
         if chosen.column != "segments":
             values = values.where(~self._is_partial)
@@ -284,7 +286,8 @@ class StudyResult:
         return found
 
     def _means(self, measure: str, confidence: float, complete: bool) -> DataFrame:
-        rows, keys = self._values(measure), ["condition", "method"]
+        rows = self._values(measure)
+        keys = ["condition", "method"]
         if complete:
             count = rows.groupby("recording")["method"].transform("nunique")
             rows = rows[count == rows["method"].nunique()]
@@ -370,7 +373,9 @@ class StudyResult:
             *(f"{confidence:.0%} {end}" for end in ("low", "high")),
             *("effect", "sign test p", "Wilcoxon p"),
         ]
-        rows, notes, most = [], [], 0
+        rows = []
+        notes = []
+        most = 0
         for each in pairs:
             a, b = each.means.T
             b = np.where(np.isclose(a, b, rtol=_ROUNDING, atol=0.0), a, b)
@@ -408,9 +413,11 @@ class StudyResult:
     def _pairs(self, measure: str, against: str | None) -> list[_Pairs]:
         """Return the subjects' means of each condition and method, and those of the reference."""
         is_method, key = self._reference(against)
-        compared, same = "condition", ["method", "subject"]
+        compared = "condition"
+        same = ["method", "subject"]
         if is_method:
-            compared, same = "method", ["condition", "subject", "recording"]
+            compared = "method"
+            same = ["condition", "subject", "recording"]
         groups = self._values(measure).groupby([*same, compared], observed=True)
         table = groups["value"].mean().unstack(compared).astype(float)
         people = self._rows.groupby("condition", observed=True)["subject"].unique().map(set)
@@ -561,7 +568,8 @@ class StudyResult:
     @property
     def notes(self) -> tuple[str, ...]:
         """The limits of the study, in sentences: failures, one subject only, missing methods."""
-        rows, notes = self._rows, []
+        rows = self._rows
+        notes = []
         if len(self.failures):
             kinds = Counter(_KINDS.get(kind, "other error") for kind in self.failures["kind"])
             why = "; ".join(f"{kind}: {number}" for kind, number in sorted(kinds.items()))
@@ -657,13 +665,15 @@ class StudyResult:
         with paper_style():
             if len(tests):
                 points = [each.means[:, 0] - each.means[:, 1] for each in pairs]
-                chosen, references = MEASURES[measure], tests["against"].unique()
+                chosen = MEASURES[measure]
+                references = tests["against"].unique()
                 label = str(references[0]) if len(references) == 1 else "the counterpart"
                 figures["differences"] = differences_figure(
                     tests, points, label, chosen.axis, chosen.scale
                 )
             if self.synergies is not None and len(self.synergies):
-                rows, unit = self._synergies, self._length_unit
+                rows = self._synergies
+                unit = self._length_unit
                 groups = {
                     name: [own for _, own in under.groupby("subject")]
                     for name, under in rows.groupby("condition")

@@ -122,7 +122,8 @@ def recording_rows(
 
     Those of second order are compiled anew for every person, which takes most of a second.
     """
-    motion, used = analysis.motion, analysis.motion.filter
+    motion = analysis.motion
+    used = analysis.motion.filter
     same: Row = {
         "doubts": "; ".join(motion.doubts),
         "samples": len(motion),
@@ -148,7 +149,8 @@ def recording_rows(
         for method in dict.fromkeys((*analysis.errors, *analysis.not_found))
     ]
     if spread is not None:
-        (low, high), (least, most) = spread.count_range, spread.error_range("joint")
+        (low, high) = spread.count_range
+        (least, most) = spread.error_range("joint")
         rows[0] |= {"segments_low": low, "segments_high": high}
         rows[0] |= {"stable_cuts": int(spread.stable.sum())}
         rows[0] |= {"joint_error_low_rad": least, "joint_error_high_rad": most}
@@ -198,7 +200,8 @@ def synergy_rows(analysis: Analysis, spread: Uncertainty | None = None) -> list[
 def peak_speed(synergy: Synergy) -> float:
     """Return the largest speed of a synergy's time law, a piecewise parabola, exactly."""
     law = synergy.law
-    start, stop = law(law.knots[:-1], 2), law((law.knots[:-1] + law.knots[1:]) / 2.0, 2)
+    start = law(law.knots[:-1], 2)
+    stop = law((law.knots[:-1] + law.knots[1:]) / 2.0, 2)
     change = 2.0 * (stop - start)  # of the acceleration over each interval
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -start / change
@@ -366,7 +369,8 @@ def new_rows(rows: Iterable[Mapping[str, Any]], table: str) -> DataFrame:
     """
     from pandas import DataFrame
 
-    frame, kinds = DataFrame([*rows], dtype=object), TABLES[table]
+    frame = DataFrame([*rows], dtype=object)
+    kinds = TABLES[table]
     frame = frame.reindex(columns=[*dict.fromkeys([*kinds, *frame.columns])])
     for name in frame.columns:
         kind = kinds.get(name, "text")

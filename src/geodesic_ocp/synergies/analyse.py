@@ -254,7 +254,8 @@ class Analysis:
         known = self._predicted_at_second_order
         for name in second_order_names(effort):
             if name not in known:
-                predict, known[name] = SECOND_ORDER[name].predict, None
+                predict = SECOND_ORDER[name].predict
+                known[name] = None
                 with suppress(NotConverged):
                     known[name] = predict(self.metric, self.model, self.motion, self.segments)
         return {name: found for name, found in known.items() if found is not None}
@@ -284,7 +285,8 @@ class Analysis:
                 "how the segments were found is not known: give analyse a function of metric and "
                 "motion, such as segments=go.segment"
             )
-        known, key = self._uncertainties, (replicates, seed)
+        known = self._uncertainties
+        key = (replicates, seed)
         if key not in known:
             own = self.model, self.metric, self.motion, self.segments, self.cutting
             known[key] = bootstrap(
@@ -338,12 +340,14 @@ class Analysis:
                 `MetricComparison.draw` does; None leaves it out.
             uncertainty: tells stable cuts from doubtful ones, which are drawn so.
         """
-        model, motion = self.model, self.motion
+        model = self.model
+        motion = self.motion
         labels = hand_labels(model.hands)
         methods = self.on_same_segments()
         compared = {name: self.predictions[method].q for method, name in methods.items()}
         joints, distances = errors_over_time(model, motion.q, compared)
-        seen, predicted = motion.q, self.predicted.q
+        seen = motion.q
+        predicted = self.predicted.q
         ways = {
             label: (model.frame_pose(hand, seen)[1], model.frame_pose(hand, predicted)[1])
             for label, hand in zip(labels, model.hands, strict=True)
@@ -507,7 +511,9 @@ def analyse(
     planned = [("riemannian", metric, cut), *((name, its, cut) for name, its in compared.items())]
     planned.append(("euclidean", Euclidean(model.dof), zero_velocity))
     counts = {method: len(its_segments) for method, _, its_segments in planned}
-    total, finished, label = sum(counts.values()) + 1, 0, ""
+    total = sum(counts.values()) + 1
+    finished = 0
+    label = ""
 
     def advance(number: int) -> None:
         report(label, finished + number, total)

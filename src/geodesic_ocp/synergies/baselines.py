@@ -87,8 +87,10 @@ def _track_poses(
         poses: poses of every hand, rotations (m, 3, 3) and positions (m, 3) [m] at m times; called
             once.
     """
-    gain, damping = as_positive("gain", gain, "1/s"), as_positive("damping", damping)
-    time, start = observed.time, observed.q[0]
+    gain = as_positive("gain", gain, "1/s")
+    damping = as_positive("damping", damping)
+    time = observed.time
+    start = observed.q[0]
     counts = np.ceil(np.abs(np.diff(observed.q, axis=0)).max(axis=1) / _MAX_STEP)
     counts = np.maximum(1, counts.astype(int))
     step = np.diff(time) / counts
@@ -102,7 +104,8 @@ def _track_poses(
         beside = rotations.transpose(1, 0, 2).reshape(3, -1)
         targets += [beside[:, :-3], positions[:-1].T, beside[:, 3:], positions[1:].T]
     # A gain above 1/step would overshoot, above 2/step diverge.
-    gains, dampings = np.minimum(gain, 1.0 / step), np.full_like(step, damping)
+    gains = np.minimum(gain, 1.0 / step)
+    dampings = np.full_like(step, damping)
     numbers = (each[None, interval] for each in (step, gains, dampings))
     controller = _controller(model).mapaccum(interval.size)
     q = np.vstack([start, evaluate(controller, start, *targets, *numbers).T[ends - 1]])
@@ -118,15 +121,18 @@ def _controller(model: Model) -> ca.Function:
     """
     q, step, gain, damping = ca.SX.sym("q", model.dof), *(ca.SX.sym(name) for name in "hkd")
     targets: list[ca.SX] = []
-    twists, jacobians = [], []
+    twists = []
+    jacobians = []
     for hand in model.hands:
         now, after = ((ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)) for _ in range(2))
-        forward, error = _twist(now, after), _twist(model.frame_pose(hand, q), now)
+        forward = _twist(now, after)
+        error = _twist(model.frame_pose(hand, q), now)
         twists.append(forward / step + gain * error)
         moved = model if hand == model.hand else model.with_hand(hand)
         jacobians.append(moved.hand_jacobian(q))
         targets += [*now, *after]
-    twist, jacobian = ca.vertcat(*twists), ca.vertcat(*jacobians)
+    twist = ca.vertcat(*twists)
+    jacobian = ca.vertcat(*jacobians)
     damped = jacobian @ jacobian.T + damping**2 * ca.SX.eye(jacobian.shape[0])
     factors, upper, permutation = ca.ldl(damped, False)  # positive definite: no pivoting
     change = step * (jacobian.T @ ca.ldl_solve(twist, factors, upper, permutation))
@@ -214,7 +220,8 @@ def _polynomials(
     edges = [0, *(stop for _, stop in as_segments(motion, segments))]
     at_edges = np.stack([values[edges] for values in derivatives], axis=1)
     curve = scipy.interpolate.BPoly.from_derivatives(motion.time[edges], at_edges)
-    q, velocity = curve(motion.time), curve(motion.time, 1)
+    q = curve(motion.time)
+    velocity = curve(motion.time, 1)
     return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)
 
 
@@ -255,13 +262,16 @@ def minimum_jerk_hand(
     pieces = as_segments(observed, segments)
     velocity = observed_velocity(observed)
     hands = [_observed_hand(model, hand, observed) for hand in model.hands]
-    q, velocity = np.empty_like(observed.q), np.empty_like(velocity)
+    q = np.empty_like(observed.q)
+    velocity = np.empty_like(velocity)
     for start, stop in pieces:
-        ends, samples = [start, stop], slice(start, stop + 1)
+        ends = [start, stop]
+        samples = slice(start, stop + 1)
         times = observed.time[ends]
         poses = [_hand_motion(times, *(values[ends] for values in each)) for each in hands]
         tracked = _track_poses(model, observed.part(start, stop), poses)
-        q[samples], velocity[samples] = tracked.q, tracked.velocity
+        q[samples] = tracked.q
+        velocity[samples] = tracked.velocity
     return Motion(observed.time, q, observed.joint_names, velocity, observed.subject)
 
 

@@ -258,7 +258,8 @@ class OptimalSegmentations(ShortRepr):
         """Sample indices of the cuts, with both ends, and their total cost."""
         count = as_integer("count", count, 1)
         if count not in self.counts:
-            low, high = int(self.counts[0]), int(self.counts[-1])
+            low = int(self.counts[0])
+            high = int(self.counts[-1])
             allowed = f"{low} to {high}" if low < high else f"{low}, the only number possible"
             raise ValueError(
                 f"count must be {allowed} with these candidates and segments of at most "
@@ -277,7 +278,8 @@ class OptimalSegmentations(ShortRepr):
 
     def _costs_within(self, pairs: list[tuple[int, int]]) -> list[float]:
         """Return costs of segments; those that last longer than allowed have none."""
-        time, longest = self.motion.time, self.max_duration * (1.0 + _SLACK)
+        time = self.motion.time
+        longest = self.max_duration * (1.0 + _SLACK)
         allowed = [pair for pair in pairs if time[pair[1]] - time[pair[0]] <= longest]
         costs = dict(zip(allowed, self._costs(allowed), strict=True))
         return [costs.get(pair, np.inf) for pair in pairs]

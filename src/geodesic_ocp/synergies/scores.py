@@ -223,11 +223,14 @@ def score(
     """
     observed, predicted = _comparable(model, observed, predicted)
     pieces = as_segments(observed, [(0, len(observed) - 1)] if segments is None else segments)
-    poses, other_poses = model.hand_pose(observed.q), model.hand_pose(predicted.q)
-    hand, other_hand = poses[1], other_poses[1]
+    poses = model.hand_pose(observed.q)
+    other_poses = model.hand_pose(predicted.q)
+    hand = poses[1]
+    other_hand = other_poses[1]
     joints = predicted.q - observed.q
     distances, angles = pose_differences(other_poses, poses)
-    speed, other_speed = hand_speeds(model, observed), hand_speeds(model, predicted)
+    speed = hand_speeds(model, observed)
+    other_speed = hand_speeds(model, predicted)
     nearest_q = _nearest(observed.q, predicted.q, pieces)
     nearest_hand = _nearest(hand, other_hand, pieces)
     area = sum(area_between(hand[i : j + 1], other_hand[i : j + 1]) for i, j in pieces)
@@ -262,7 +265,8 @@ def action(metric: Metric, motion: Motion) -> float:
         ValueError: the motion is not of the metric's dimension.
     """
     steps = np.diff(motion.time)
-    midpoints, chords = (motion.q[1:] + motion.q[:-1]) / 2.0, np.diff(motion.q, axis=0)
+    midpoints = (motion.q[1:] + motion.q[:-1]) / 2.0
+    chords = np.diff(motion.q, axis=0)
     if motion.q.shape[1] != metric.dim:
         raise ValueError(
             f"the metric has dimension {metric.dim}, the motion {motion.q.shape[1]} joints"
@@ -281,7 +285,8 @@ def area_between(first: Array, second: Array) -> float:
     (International Journal of Material Forming 12, 2019), who sum quadrilaterals between plane
     curves, in any dimension.
     """
-    a, b = _evenly_spaced(first), _evenly_spaced(second)
+    a = _evenly_spaced(first)
+    b = _evenly_spaced(second)
     across = (b[1:] + b[:-1] - a[1:] - a[:-1]) / 2.0
     u = (_ACROSS[:, None, None] + 1.0) / 2.0
     along = (1.0 - u) * np.diff(a, axis=0) + u * np.diff(b, axis=0)
@@ -336,7 +341,8 @@ def hand_speeds(model: Model, motion: Motion) -> Array:
 
 @lru_cache(maxsize=32)
 def _twist(model: Model) -> ca.Function:
-    q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
+    q = ca.SX.sym("q", model.dof)
+    v = ca.SX.sym("v", model.dof)
     return ca.Function("twist", [q, v], [ca.densify(model.hand_jacobian(q) @ v)])
 
 

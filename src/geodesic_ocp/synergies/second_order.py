@@ -44,7 +44,8 @@ class ThroughStates(MotionProblem):
 
     def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Equality]:
         """Return the states at both ends."""
-        q, v = self.recorded.q, self.velocity
+        q = self.recorded.q
+        v = self.velocity
         return [(q0, q[0]), (q1, q[-1]), (v0, v[0]), (v1, v[-1])]
 
     def via(self, q: ca.SX, v: ca.SX) -> Sequence[tuple[float, Sequence[Equality]]]:
@@ -159,13 +160,15 @@ def riemannian_cubics(
         NotConverged: no cubic was found.
     """
     velocity = observed_velocity(motion)
-    q, v = np.array(motion.q), np.array(velocity)
+    q = np.array(motion.q)
+    v = np.array(velocity)
     for start, stop in as_segments(motion, segments):
         t = motion.time[start : stop + 1] - motion.time[start]
         part = cubic(
             metric, motion.q[start], velocity[start], motion.q[stop], velocity[stop], t[-1]
         )
-        q[start : stop + 1], v[start : stop + 1] = part(t), part(t, 1)
+        q[start : stop + 1] = part(t)
+        v[start : stop + 1] = part(t, 1)
     return _like(motion, q, v)
 
 
@@ -231,7 +234,8 @@ def _effort(kind: type[ThroughStates], receives: str = _TWO_STATES) -> SecondOrd
     return SecondOrder(partial(least_effort, kind), receives, _FLAT_CUBIC, True)
 
 
-_FLAT_CUBIC, _FLAT_SPLINE = "minimum acceleration", "cubic spline"
+_FLAT_CUBIC = "minimum acceleration"
+_FLAT_SPLINE = "cubic spline"
 # By their names in tables.
 SECOND_ORDER = {
     "Riemannian cubics": SecondOrder(

@@ -236,7 +236,9 @@ def _parallel_components(
     n = metric.dim
     rates = metric.transport_matrices(curve)
     h = np.diff(times)[:, None, None]
-    start, middle, end = rates[:-1:2], rates[1::2], rates[2::2]
+    start = rates[:-1:2]
+    middle = rates[1::2]
+    end = rates[2::2]
     one = np.eye(n)
     # The classical method of order 4, for all steps at once.
     second = middle @ (one + h / 2.0 * start)
@@ -281,9 +283,12 @@ class OnlineSegmentation:
         hysteresis: float = 0.1,
         fastest: float = 0.0,
     ) -> None:
-        self.metric, self.rest, self.rest_duration = metric, rest, rest_duration
+        self.metric = metric
+        self.rest = rest
+        self.rest_duration = rest_duration
         self.rule = as_threshold(threshold), hysteresis, min_duration
-        self.fastest, self.cuts = fastest, list[float]()
+        self.fastest = fastest
+        self.cuts = list[float]()
         self.sample: tuple[float, Array, Array] | None = None
         self._frame: Array | None = None
 
@@ -293,14 +298,17 @@ class OnlineSegmentation:
         Raises:
             IntegrationFailed: the metric is singular there.
         """
-        before, self.sample = self.sample, (time, q, velocity)
+        before = self.sample
+        self.sample = (time, q, velocity)
         if before is None:
             self._frame = None
             self._seen: list[Array] = [np.empty(0), np.empty((0, self.metric.dim)), np.empty(0)]
-            self._first, self._last = 0, time
+            self._first = 0
+            self._last = time
             self.cuts.append(time)
             return
-        (start, q0, v0), h = before, time - before[0]
+        (start, q0, v0) = before
+        h = time - before[0]
 
         def states_at(times: Array) -> tuple[Array, Array]:
             # The cubic with these ends.
@@ -351,7 +359,8 @@ class OnlineSegmentation:
 
     def _cut(self, time: float, kept: int, first: int) -> bool:
         self.cuts.append(time)
-        self._first, self._last = first, time
+        self._first = first
+        self._last = time
         self._forget(kept)
         return True
 
@@ -565,7 +574,8 @@ def segment_zero_velocity(
         for joint, velocity in enumerate(observed.T)
         for time in _zero_crossings(times, velocity)
     )
-    cuts, after = [motion.time[0], motion.time[-1]], -np.inf
+    cuts = [motion.time[0], motion.time[-1]]
+    after = -np.inf
     for start, _ in crossings:
         if start <= after:
             continue
@@ -580,6 +590,7 @@ def _zero_crossings(time: Array, velocity: Array) -> list[float]:
     """Return times at which one joint's velocity changes its sign, by linear interpolation."""
     nonzero = np.flatnonzero(velocity)
     changes = np.flatnonzero(np.diff(np.sign(velocity[nonzero])))
-    before, after = nonzero[changes], nonzero[changes + 1]
+    before = nonzero[changes]
+    after = nonzero[changes + 1]
     fraction = velocity[before] / (velocity[before] - velocity[after])
     return list(time[before] + fraction * (time[after] - time[before]))

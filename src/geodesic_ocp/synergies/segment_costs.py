@@ -75,8 +75,11 @@ class SegmentCosts:
         model = getattr(metric, "model", None) if model is None else model
         if measure != "joint" and model is None:
             raise ValueError(f"measure {measure!r} needs a model, which this metric does not have")
-        self.metric, self.motion, self.measure = as_metric(metric), motion, measure
-        self.curve, self._speed = curve, speeds(metric, motion)
+        self.metric = as_metric(metric)
+        self.motion = motion
+        self.measure = measure
+        self.curve = curve
+        self._speed = speeds(metric, motion)
         if curve == "cubic" and not metric.has_constant_tensor:
             second_order(metric).available()  # CasADi's expressions are not for several threads
         self._predicted: dict[Pair, Array | None] = {}
@@ -175,7 +178,8 @@ def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, st
     Raises:
         NotConverged, IntegrationFailed: no geodesic was found, or it cannot be sampled.
     """
-    q0, q1 = motion.q[start], motion.q[stop]
+    q0 = motion.q[start]
+    q1 = motion.q[stop]
     velocity = log(metric, q0, q1, wrap=False)  # the way that was recorded
     length = float(metric.norm(q0, velocity))
     samples = motion.time[start : stop + 1]

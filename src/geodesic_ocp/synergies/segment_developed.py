@@ -119,7 +119,9 @@ def chord_costs(points: Array, speeds: Array, step: float, longest: int) -> Arra
     longest = min(longest, count - 1)
     costs = np.full((count, longest), np.inf)
     moments = np.zeros((3, *points.shape))
-    squares, powers = np.zeros(count), np.zeros(7)  # sums of |x_i+l - x_i|^2 and of l^k
+    # sums of |x_i+l - x_i|^2 and of l^k
+    squares = np.zeros(count)
+    powers = np.zeros(7)
     for d in range(1, longest + 1):
         chord = points[d:] - points[:-d]
         lengths = np.linalg.norm(chord, axis=1)
@@ -151,7 +153,8 @@ def least_cost_cuts(costs: Array, penalty: float) -> list[int]:
         penalty: in their unit.
     """
     count, widest = costs.shape
-    totals, steps = np.zeros(count), np.zeros(count, dtype=np.int64)
+    totals = np.zeros(count)
+    steps = np.zeros(count, dtype=np.int64)
     for stop in range(1, count):
         before = totals[max(0, stop - widest) : stop][::-1]
         sums = before + costs[stop, : before.size]

@@ -88,7 +88,8 @@ def spline_knots(
         ValueError: the motion has no velocities or does not fit the metric.
         NotConverged: no spline through the first knots was found.
     """
-    metric, velocity = as_metric(metric), observed_velocity(motion)
+    metric = as_metric(metric)
+    velocity = observed_velocity(motion)
     knots = cut_candidates(motion, as_positive("spacing", spacing, "s"))
     total = len(knots) - 2
     found: dict[int, list[int]] = {}
@@ -105,13 +106,15 @@ def spline_knots(
             break
         error = _errors(whole, motion, knots)
         count = len(knots) - 1
-        found[count], errors[count] = list(knots), float(error.sum()) / len(motion)
+        found[count] = list(knots)
+        errors[count] = float(error.sum()) / len(motion)
         if count == 1:
             break
         at_knots = whole(motion.time[knots], 1)
         for k in range(1, count):
             if knots[k] not in gains:
-                first, last = max(k - _WINDOW, 0), min(k + _WINDOW, count)
+                first = max(k - _WINDOW, 0)
+                last = min(k + _WINDOW, count)
                 without = [*knots[first:k], *knots[k + 1 : last + 1]]
                 samples = slice(without[0], without[-1])
                 try:

@@ -25,7 +25,8 @@ from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw, states_at, time_law
 
-FORMAT, VERSION = "geodesic_ocp synergies", 1
+FORMAT = "geodesic_ocp synergies"
+VERSION = 1
 # A segment that returns to its start has a path too short for the observed speeds at its ends:
 # these are limited to this multiple of the mean speed along the path.
 _MAX_SPEED_RATIO = 100.0
@@ -388,7 +389,8 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
             which its paths must have the lengths that were saved.
     """
     record = convert(read_record(file, FORMAT, VERSION, "synergies"), _FileRecord, file)
-    names, synergies = metric.joint_names or record.joint_names, []
+    names = metric.joint_names or record.joint_names
+    synergies = []
     with decoding(file):
         if record.joint_names != names:
             raise ValueError(f"its joints {record.joint_names} are not the metric's, {names}")
@@ -428,7 +430,8 @@ def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
         RecordingError: the file is missing, or is not such a file.
     """
     record = convert(read_record(file, FORMAT, VERSION, "synergies"), _FileRecord, file)
-    names, synergies = record.joint_names, record.synergies
+    names = record.joint_names
+    synergies = record.synergies
     with decoding(file):
         if not synergies:
             raise ValueError("synergies must not be empty")
@@ -438,7 +441,8 @@ def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
             raise ValueError("synergies: each start_time must follow the one before, within a day")
 
         def followed(each: _SynergyRecord) -> Callable[[Array], Array]:
-            path, law = each.path.path(Euclidean(len(names))), each.law
+            path = each.path.path(Euclidean(len(names)))
+            law = each.law
             length = law.length if law.length > 0.0 else np.inf  # where nothing moves
             return lambda t: path(np.clip(law(t - each.start_time) / length, 0.0, 1.0))
 

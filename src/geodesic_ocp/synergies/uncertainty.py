@@ -95,7 +95,8 @@ class Uncertainty(ShortRepr):
     def __str__(self) -> str:
         """Return the number, the errors and the stable cuts in sentences."""
         low, high = self.count_range
-        joint, position = self.error_range("joint"), self.error_range("position")
+        joint = self.error_range("joint")
+        position = self.error_range("position")
         return (
             f"Under the recording's own noise (90 % of {len(self.counts)} replicates): {low} to "
             f"{high} synergies, joints to {joint[0]:.3f} to {joint[1]:.3f} rad, hand to "
@@ -156,7 +157,8 @@ def bootstrap(
     noise = RecordingNoise.of(motion) if noise is None else noise
     report = progress or no_progress
     own = motion.time[[start for start, _ in segments[1:]]]
-    counts, errors = np.empty(replicates, dtype=np.int64), np.empty((replicates, 3))
+    counts = np.empty(replicates, dtype=np.int64)
+    errors = np.empty((replicates, 3))
     found = np.full((replicates, own.size), np.nan)
     for number in range(replicates):
         report("drawing replicates", number, replicates)
@@ -197,7 +199,8 @@ def matched(cuts: Array, others: Array) -> Array:
     if not cuts.size or not others.size:
         return np.full(cuts.shape, np.nan)
     distances = np.abs(cuts[:, None] - others)
-    nearest, back = distances.argmin(axis=1), distances.argmin(axis=0)
+    nearest = distances.argmin(axis=1)
+    back = distances.argmin(axis=0)
     same = back[nearest] == np.arange(cuts.size)
     same &= distances.min(axis=1) <= _SAME * (1.0 + 1e-9)
     return np.where(same, others[nearest], np.nan)

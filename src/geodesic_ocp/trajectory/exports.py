@@ -34,8 +34,10 @@ def lerobot(
     """
     if rate is None:
         raise ValueError("LeRobot needs evenly spaced samples: resample with `at_rate`")
-    parquet, pa = library(".parquet"), import_module("pyarrow")
-    position, count = arrays["position"].astype(np.float32), len(time)
+    parquet = library(".parquet")
+    pa = import_module("pyarrow")
+    position = arrays["position"].astype(np.float32)
+    count = len(time)
     vectors = {"observation.state": position, "action": np.vstack([position[1:], position[-1:]])}
     columns = {
         name: pa.FixedSizeListArray.from_arrays(values.ravel(), len(names))
@@ -60,7 +62,8 @@ def mcap(
     Raises:
         ImportError: mcap is missing.
     """
-    stream, numbers = io.BytesIO(), {"type": "array", "items": {"type": "number"}}
+    stream = io.BytesIO()
+    numbers = {"type": "array", "items": {"type": "number"}}
     stamp = {each: {"type": "integer"} for each in ("sec", "nanosec")}
     header = {"stamp": {"type": "object", "properties": stamp}, "frame_id": {"type": "string"}}
     fields = {
@@ -96,7 +99,8 @@ def rerun(
     """
     rr = library(".rrd")
     recording = rr.RecordingStream("geodesic_ocp trajectory")
-    memory, index = recording.memory_recording(), rr.TimeColumn("time", duration=time)
+    memory = recording.memory_recording()
+    index = rr.TimeColumn("time", duration=time)
     for kind, values in arrays.items():
         for name, column in zip(names, values.T, strict=True):
             series = rr.Scalars.columns(scalars=column)

@@ -25,7 +25,8 @@ _AT_3_DB = np.sqrt(2.0) - 1.0
 _NOISE_BAND = (12.0, 18.0)  # [Hz]
 _OF_NYQUIST = 0.72
 _CUTOFFS = np.arange(3.0, 12.0 + 1e-9, 0.1)  # [Hz]
-_MIN_RATE, _MIN_DURATION = 12.0, 0.3  # [Hz], [s], to choose one of them
+_MIN_RATE = 12.0  # [Hz], [s], to choose one of them
+_MIN_DURATION = 0.3  # [Hz], [s], to choose one of them
 _RESOLUTION = 0.1  # [Hz]
 _LEAST_SIZE = 256  # of the Fourier transform
 _LEAST_DENSITY = 1e-12  # [rad^2/Hz]: below the rounding of any recording
@@ -67,7 +68,8 @@ class MotionFilter(ShortRepr):
 
     def select(self, columns: list[int]) -> MotionFilter:
         """Return the filter of these joints."""
-        noise, velocity_noise = self.noise[columns], self.velocity_noise[columns]
+        noise = self.noise[columns]
+        velocity_noise = self.velocity_noise[columns]
         return replace(self, noise=noise, velocity_noise=velocity_noise)
 
     _shown = ("kind", "cutoff", "duration", "noise")
@@ -130,7 +132,8 @@ def low_passed(time: Array, q: Array, cutoff: float | None) -> Filtered:
     if time.size < 3:
         raise ValueError(f"the motion is too short to filter: {time.size} samples, not three")
     spline = _smoothing_spline(np.linspace(time[0], time[-1], time.size), q, cutoff)
-    smooth, velocity = spline(time), spline(time, 1)
+    smooth = spline(time)
+    velocity = spline(time, 1)
     density = noise_density(rate, q)
     removed = np.mean((q - smooth) ** 2, axis=0)
     # What the residuals lack has the bandwidth of 1 - (1 - H)^2, integrated over f > 0.
@@ -246,14 +249,18 @@ def _third_derivative(knots: Array, points: Array) -> scipy.sparse.csr_array:
     """Return matrix from the coefficients of a quintic spline to its third derivative at the
     points.
     """
-    degree, size = _DEGREE, knots.size - _DEGREE - 1
+    degree = _DEGREE
+    size = knots.size - _DEGREE - 1
     matrix = scipy.sparse.eye_array(size, format="csr")
     for _ in range(_ORDER):
         slope = degree / (knots[degree + 1 : degree + size] - knots[1:size])
         difference = scipy.sparse.diags_array(
             [-slope, slope], offsets=[0, 1], shape=(size - 1, size)
         )
-        matrix, knots, degree, size = difference @ matrix, knots[1:-1], degree - 1, size - 1
+        matrix = difference @ matrix
+        knots = knots[1:-1]
+        degree = degree - 1
+        size = size - 1
     return scipy.interpolate.BSpline.design_matrix(points, knots, degree) @ matrix
 
 

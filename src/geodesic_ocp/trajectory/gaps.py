@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 
 # A jump is this many standard deviations of the noise, and at least so far [rad or m].
-JUMP, LEAST = 10.0, 0.08
+JUMP = 10.0
+LEAST = 0.08
 NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal variable
 NEAR = 5  # values to each side, by which the steps and the noise around a sample are measured
 

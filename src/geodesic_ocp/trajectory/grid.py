@@ -42,7 +42,8 @@ class Grid(ShortRepr):
     via_segments: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        ends, via = self.ends, tuple(as_integer("via_segments", k, 1) for k in self.via_segments)
+        ends = self.ends
+        via = tuple(as_integer("via_segments", k, 1) for k in self.via_segments)
         segments = as_integer("segments", self.segments, 1)
         degree = as_integer("degree", self.degree, 2)
         if degree > _MAX_DEGREE:

@@ -248,7 +248,8 @@ class JointTrajectory(ShortRepr):
         any. Angles are in rad; a column of a joint in metres ends in its unit, `lift velocity
         [m/s]`.
         """
-        header, found = ["time_from_start"], self._by_kind()
+        header = ["time_from_start"]
+        found = self._by_kind()
         for kind, metres in zip(found, _METRES, strict=False):
             for name, unit in zip(self.joint_names, self.units, strict=True):
                 header.append(f"{name} {kind}" + (f" [{metres}]" if unit == "m" else ""))

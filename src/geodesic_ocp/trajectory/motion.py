@@ -47,7 +47,8 @@ class FrameMotion(ShortRepr):
     positions: Array
 
     def __post_init__(self) -> None:
-        rotations, positions = real_array(self.rotations), real_array(self.positions)
+        rotations = real_array(self.rotations)
+        positions = real_array(self.positions)
         count = len(positions) if positions.ndim else 0
         if rotations.shape != (count, 3, 3) or positions.shape != (count, 3):
             raise ValueError(
@@ -76,7 +77,8 @@ class FrameMotion(ShortRepr):
         the first sample and after the last the pose is theirs.
         """
         inside = np.clip(at, time[0], time[-1])
-        spatial, interpolate = scipy.spatial.transform, scipy.interpolate
+        spatial = scipy.spatial.transform
+        interpolate = scipy.interpolate
         turning = spatial.Slerp(time, spatial.Rotation.from_matrix(self.rotations))
         moving = interpolate.CubicSpline(time, self.positions)
         return FrameMotion(turning(inside).as_matrix(), moving(inside))
@@ -126,7 +128,8 @@ class Motion:
     doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        time, q = real_array(self.time, "time"), real_array(self.q, "q")
+        time = real_array(self.time, "time")
+        q = real_array(self.q, "q")
         names = tuple(self.joint_names)
         if time.ndim != 1 or q.shape != (time.size, len(names)):
             raise ValueError(

@@ -45,7 +45,8 @@ class RecordingNoise:
                 "residuals are the noise (Motion.filtered, or without --no-filter); of a fit to "
                 "markers give analyse its noise, noise=fit.noise"
             )
-        rate, samples = motion.rate, len(motion)
+        rate = motion.rate
+        samples = len(motion)
         transform = np.fft.rfft(motion.unfiltered - motion.q, axis=0)
         frequency = np.fft.rfftfreq(samples, 1.0 / rate)
         densities = transform[:, :, None] * transform[:, None, :].conj() / samples
@@ -89,7 +90,8 @@ def surrogate(motion: Motion, noise: Noise, random: np.random.Generator) -> Moti
     Raises:
         ValueError: the noise is of another number of samples or joints.
     """
-    used, drawn = motion.filter, noise.draw(random)
+    used = motion.filter
+    drawn = noise.draw(random)
     if drawn.shape != motion.q.shape:
         raise ValueError(
             f"the noise is of {drawn.shape} samples and joints, the motion of {motion.q.shape}: "

@@ -29,7 +29,8 @@ _REPEATED = 3  # frames at most that are repeated and then caught up with
 _OFTEN = 0.2  # share of frames that repeat the one before, above which it is no exception
 _CATCH_UP = 1.5  # times the step before, at least, after a repeated frame
 # A sensor is frozen if it repeats a number so long while another joint moves so far.
-_FROZEN, _ELSEWHERE = 0.1, 0.05  # [s], [rad or m]
+_FROZEN = 0.1  # [s], [rad or m]
+_ELSEWHERE = 0.05  # [s], [rad or m]
 _AT_LIMIT = 1e-3  # [rad or m] from the end of a joint's range, where a fit to markers holds it
 _ALTERNATING = -0.4  # correlation of successive fourth differences: -0.8 of noise, 1 of a curve
 
@@ -90,7 +91,8 @@ def without_outliers(
     if len(time) < 9:
         return q, ()
     resolutions = [smallest_step(column) for column in q.T]
-    q, found = np.array(q), list[Outlier]()
+    q = np.array(q)
+    found = list[Outlier]()
     for column, name in enumerate(names):
         found += _unwrap(time, q[:, column], name)
     missing = np.zeros(q.shape, dtype=bool)
@@ -156,7 +158,8 @@ def _repeated(q: Array, resolution: float) -> Iterator[tuple[int, int]]:
         if first == 0 or after == len(steps) or after - first > _REPEATED:
             continue
         # Joints move before and after, as far as in the frames that are lost.
-        before, next_one = steps[first - 1], steps[after]
+        before = steps[first - 1]
+        next_one = steps[after]
         usual = np.median(steps[max(0, first - 5) : after + 6])
         explained = max(_CATCH_UP * max(before, usual), 2.0 * resolution)
         if next_one > explained and before > 0.0:
@@ -166,7 +169,8 @@ def _repeated(q: Array, resolution: float) -> Iterator[tuple[int, int]]:
 def _off_neighbours(values: Array) -> Array:
     """Return distances from the cubic through two neighbours on each side; 0 at the four ends."""
     off = np.zeros(len(values))
-    near, far = values[1:-3] + values[3:-1], values[:-4] + values[4:]
+    near = values[1:-3] + values[3:-1]
+    far = values[:-4] + values[4:]
     off[2:-2] = values[2:-2] - (4.0 * near - far) / 6.0
     return off
 

@@ -13,8 +13,11 @@ from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.grid import Grid, Quadrature, interpolation_between
 
 # Newton's method for s at an arc length converges quadratically: one step below this is the last.
-_NEWTON, _CONVERGED = 4, 1e-10
-_LEVELS, _RESOLVED = 6, 1e-10  # of the length, relative
+_NEWTON = 4
+_CONVERGED = 1e-10
+# of the length, relative
+_LEVELS = 6
+_RESOLVED = 1e-10
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -67,7 +70,8 @@ class Path:
         lengths = np.zeros(len(steps))
         if np.any(steps):
             lengths = speeds_at(metric, q[:-1] + steps / 2.0, steps)
-        q, lengths = q[np.append(True, ~(lengths == 0.0))], lengths[~(lengths == 0.0)]
+        q = q[np.append(True, ~(lengths == 0.0))]
+        lengths = lengths[~(lengths == 0.0)]
         if not (len(lengths) and np.all(np.isfinite(lengths))):
             raise ValueError(
                 f"waypoints must be two or more different ones, where the metric is defined, got "
@@ -147,13 +151,15 @@ class Path:
 
         One-sided at breakpoints, where the derivative may jump.
         """
-        grid, n = self.grid, self.metric.dim
+        grid = self.grid
+        n = self.metric.dim
         values, slopes = interpolation_between(
             grid.degree, fine.degree, fine.segments // grid.segments
         )
         nodes = grid.in_segments(self.nodes)
         rates = (slopes @ (nodes - nodes[:, :1])) * (2.0 / grid.widths)[:, None, None]
-        q, velocity = (values @ nodes).reshape(-1, n), rates.reshape(-1, n)
+        q = (values @ nodes).reshape(-1, n)
+        velocity = rates.reshape(-1, n)
         return speeds_at(self.metric, q, velocity).reshape(fine.segments, fine.degree + 1)
 
     @cached_property
@@ -165,7 +171,8 @@ class Path:
         """
         length = np.inf
         for level in range(_LEVELS + 1):
-            fine, before = _refined(self.grid, level), length
+            fine = _refined(self.grid, level)
+            before = length
             speeds = self._speeds_on(fine)
             length = float(np.sum(fine.weights * speeds))
             if level > 0 and not abs(length - before) > _RESOLVED * before:
@@ -190,16 +197,19 @@ class Path:
         Raises:
             ValueError: a length below zero or above the path's length.
         """
-        wanted, total = np.asarray(lengths, dtype=float), self.length
+        wanted = np.asarray(lengths, dtype=float)
+        total = self.length
         slack = 1e-9 * total
         if wanted.size == 0:
             return np.zeros(0)
         if wanted.ndim != 1 or not np.all((wanted >= -slack) & (wanted <= total + slack)):
             raise ValueError(f"lengths must be (k,) between 0 and {total:.6g}, got {lengths!r}")
         fine, values = self._arc_length
-        s, upto = fine.nodes, np.append(values[:, :-1, 0].ravel(), values[-1, -1, 0])
+        s = fine.nodes
+        upto = np.append(values[:, :-1, 0].ravel(), values[-1, -1, 0])
         upto = np.maximum.accumulate(upto)
-        found, place = np.interp(wanted, upto, s), np.searchsorted(upto, wanted)
+        found = np.interp(wanted, upto, s)
+        place = np.searchsorted(upto, wanted)
         below, above = (s[np.clip(place + k, 0, s.size - 1)] for k in (-1, 0))
         for _ in range(_NEWTON):
             here, rates = fine.interpolate(values, found).T
@@ -238,7 +248,8 @@ class Path:
 @lru_cache(maxsize=64)
 def _refined(grid: Grid, level: int) -> Grid:
     """Get the grid, then with twice its degree, then with its segments halved again and again."""
-    degree, parts = min(2 * grid.degree, 100), 2 ** (level - 1)
+    degree = min(2 * grid.degree, 100)
+    parts = 2 ** (level - 1)
     if level <= 1:
         return replace(grid, degree=degree if level else grid.degree, via_segments=())
     fractions = np.arange(parts * grid.segments + 1) / parts

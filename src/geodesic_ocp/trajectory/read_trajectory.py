@@ -104,7 +104,8 @@ def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
 
 def _from_table(path: Path) -> _Stated:
     lines = path.read_text(encoding="utf-8-sig").split("\n")
-    default, first = "rad", 0
+    default = "rad"
+    first = 0
     while first < len(lines) and (not lines[first].strip() or lines[first].startswith("#")):
         key, _, value = lines[first].lstrip("# ").partition(":")
         if key.strip().lower() == "unit":
@@ -271,7 +272,8 @@ def _from_message(path: Path) -> _Stated:
         record = record.get("goal", record)
         record = record.get("trajectory", record) if isinstance(record, dict) else record
     message = convert(record, _Message, path)
-    names, instants = message.joint_names, [each.time_from_start for each in message.points]
+    names = message.joint_names
+    instants = [each.time_from_start for each in message.points]
     arrays = {}
     for kind, part in zip(KINDS, fields(_Point)[1:], strict=True):
         rows = [getattr(point, part.name) or [] for point in message.points]

@@ -92,17 +92,22 @@ class TimeLaw(ShortRepr):
     @cached_property
     def _spline(self) -> scipy.interpolate.PPoly:
         """The `scipy.interpolate.CubicHermiteSpline`, built in a fraction of its time."""
-        h, start, stop = np.diff(self.knots), self.speeds[:-1], self.speeds[1:]
+        h = np.diff(self.knots)
+        start = self.speeds[:-1]
+        stop = self.speeds[1:]
         chord = np.diff(self.positions) / h
-        second, third = (3.0 * chord - 2.0 * start - stop) / h, (start + stop - 2.0 * chord) / h**2
+        second = (3.0 * chord - 2.0 * start - stop) / h
+        third = (start + stop - 2.0 * chord) / h**2
         coefficients = np.array([third, second, start, self.positions[:-1]])
         return scipy.interpolate.PPoly.construct_fast(coefficients, self.knots)
 
     @property
     def cost(self) -> float:
         """The integral of s''(t)^2 over time."""
-        h, (third, second, _, _) = np.diff(self.knots), self._spline.c
-        start, stop = 2.0 * second, 2.0 * second + 6.0 * third * h
+        h = np.diff(self.knots)
+        (third, second, _, _) = self._spline.c
+        start = 2.0 * second
+        stop = 2.0 * second + 6.0 * third * h
         return float(np.sum(h * (start**2 + start * stop + stop**2) / 3.0))
 
 
@@ -157,7 +162,8 @@ def time_law(
 
     # Units in which the duration is one and the speeds are of order one.
     scaled = [length / (speed * duration), start_speed / speed, end_speed / speed]
-    low, high = lowest / speed, highest / speed
+    low = lowest / speed
+    high = highest / speed
     smallest, largest = _speed_range(*scaled)
     if low - _SLACK <= smallest and largest <= high + _SLACK:
         ends = ((0.0, duration), (0.0, length), (start_speed, end_speed))
@@ -167,14 +173,17 @@ def time_law(
     else:
         margins = [high - number for number in scaled]
         knots, behind, slower = _with_pause("needs the full speed throughout", *margins)
-        positions, speeds = high * knots - behind, high - slower
-    positions[-1], speeds[[0, -1]] = scaled[0], scaled[1:]
+        positions = high * knots - behind
+        speeds = high - slower
+    positions[-1] = scaled[0]
+    speeds[[0, -1]] = scaled[1:]
     return TimeLaw(duration * knots, speed * duration * positions, speed * speeds)
 
 
 def _speed_range(length: float, start: float, end: float) -> tuple[float, float]:
     """Get smallest and largest speed of the solution without inequalities, over a unit of time."""
-    half, third = 3.0 * length - 2.0 * start - end, 3.0 * (start + end - 2.0 * length)
+    half = 3.0 * length - 2.0 * start - end
+    third = 3.0 * (start + end - 2.0 * length)
     speeds = [start, end]  # of start + 2 half t + third t^2
     if third != 0.0 and 0.0 < -half / third < 1.0:
         speeds.append(start - half**2 / third)
@@ -189,7 +198,8 @@ def _with_pause(
     Raises:
         ValueError: the length is too short, in the words of `failure`.
     """
-    start, end = max(start, 0.0), max(end, 0.0)
+    start = max(start, 0.0)
+    end = max(end, 0.0)
     if length < _SHORTEST * (start + end):
         raise ValueError(f"no time law keeps its speed within bounds: the length {failure}")
     total = start**1.5 + end**1.5
@@ -214,7 +224,8 @@ def motion_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Mo
         ValueError: a duration or rate that is not positive, a path of zero length, or a time law
             for another length.
     """
-    rate, length = as_positive("rate", rate, "Hz"), path.length
+    rate = as_positive("rate", rate, "Hz")
+    length = path.length
     if not length > 0.0:
         raise ValueError("the path has zero length, so there is no motion along it")
     if isinstance(timing, TimeLaw):
@@ -249,7 +260,8 @@ def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array
     if order == 0:
         return tuple(curve)
     if order == 1:
-        speed, change = speeds_at(path.metric, *curve), np.zeros(0)
+        speed = speeds_at(path.metric, *curve)
+        change = np.zeros(0)
     else:
         speed, change = at_rows(_speed_along(path.metric), *curve).T
     per_speed = np.divide(1.0, speed, out=np.zeros_like(speed), where=speed > 0.0)

@@ -81,9 +81,11 @@ def _shape(native: Any, geom: int) -> Any:
 
 
 def _mesh(native: Any, mesh: int) -> Any:
-    start, count = native.mesh_vertadr[mesh], native.mesh_vertnum[mesh]
+    start = native.mesh_vertadr[mesh]
+    count = native.mesh_vertnum[mesh]
     vertices = np.array(native.mesh_vert[start : start + count], dtype=float)
-    start, count = native.mesh_faceadr[mesh], native.mesh_facenum[mesh]
+    start = native.mesh_faceadr[mesh]
+    count = native.mesh_facenum[mesh]
     triangles = np.array(native.mesh_face[start : start + count], dtype=np.int64)
     shape = pin.coal.BVHModelOBBRSS()
     shape.beginModel(len(triangles), len(vertices))

@@ -115,7 +115,8 @@ class _GrowingModel:
             at_zero = body * anchor * moved_along(axis, kind, -reference)
             joint = joint_along(axis, "prismatic" if kind == "slide" else "revolute")
             index = self.pin.addJoint(parent, joint, at_zero, name)
-            lower, upper = -np.inf, np.inf
+            lower = -np.inf
+            upper = np.inf
             if native.jnt_limited[number]:
                 lower, upper = native.jnt_range[number]
             row = self.pin.joints[index].idx_q

@@ -178,10 +178,12 @@ def _locked_configuration(
             raise ValueError(f"{location} is a {joints[name].shortname()}, not one number")
     values = {}
     for name, joint in joints.items():
-        lower, upper = -np.inf, np.inf
+        lower = -np.inf
+        upper = np.inf
         if joint.nq == 1:
             row = joint.idx_q
-            lower, upper = model.lowerPositionLimit[row], model.upperPositionLimit[row]
+            lower = model.lowerPositionLimit[row]
+            upper = model.upperPositionLimit[row]
         default = np.clip(0.0, lower, upper) if lower <= upper else 0.0
         values[name] = value = float(configuration.get(name, default))
         within = lower - _LIMIT_TOLERANCE <= value <= upper + _LIMIT_TOLERANCE

@@ -134,7 +134,8 @@ def load_model(
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
     of_file = model.armature.any() and not isinstance(source, pin.Model)
-    origin, continuous = "the file" if of_file else "", _limit_unlimited(model)
+    origin = "the file" if of_file else ""
+    continuous = _limit_unlimited(model)
     shapes = description.shapes
     if srdf is not None:
         if not isinstance(shapes, LinkGeometry):
@@ -149,13 +150,17 @@ def load_model(
 
 def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
     """Limit unlimited revolute joints like continuous joints; returns their names."""
-    names, lower, upper = [], model.lowerPositionLimit, model.upperPositionLimit
+    names = []
+    lower = model.lowerPositionLimit
+    upper = model.upperPositionLimit
     for index in range(1, model.njoints):
-        row, twist = model.joints[index].idx_q, motion_subspace(model, index)
+        row = model.joints[index].idx_q
+        twist = motion_subspace(model, index)
         # A revolution of a screw also translates.
         revolute = model.joints[index].nq == 1 and np.any(twist[3:]) and not np.any(twist[:3])
         if revolute and lower[row] <= -NO_LIMIT and upper[row] >= NO_LIMIT:
-            lower[row], upper[row] = -DEFAULT_LIMIT, DEFAULT_LIMIT
+            lower[row] = -DEFAULT_LIMIT
+            upper[row] = DEFAULT_LIMIT
             names.append(str(model.names[index]))
     return tuple(names)
 
@@ -307,7 +312,8 @@ def default_hand(source: str) -> str | None:
     """
     if source in ROBOTS or (description := _description(source)) is None:
         return None
-    model, mimics = description.pin, description.mimics
+    model = description.pin
+    mimics = description.mimics
     coupled = {*mimics, *(mimic.leader for mimic in mimics.values())}
     links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
 

@@ -366,7 +366,8 @@ def _overlap(one: Array, other: Array) -> Array:
 
 def _range(element: ET.Element, kind: str, automatic: bool, location: str) -> Array:
     """Return the range of the attribute `kind`range, infinite if it is not limited."""
-    given, limited = element.get(f"{kind}range"), element.get(f"{kind}limited", "auto")
+    given = element.get(f"{kind}range")
+    limited = element.get(f"{kind}limited", "auto")
     if given is None or limited == "false" or (limited == "auto" and not automatic):
         return _UNLIMITED
     if len(numbers := floats(given)) != 2 or not numbers[0] < numbers[1]:

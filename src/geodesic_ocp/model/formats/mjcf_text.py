@@ -32,7 +32,8 @@ def mjcf_text(model: Model) -> str:
     root = ET.Element("mujoco", model=model.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(root, "option", gravity=numbers_text(native.gravity.linear))
-    names, bodies = _body_names(native), {0: ET.SubElement(root, "worldbody")}
+    names = _body_names(native)
+    bodies = {0: ET.SubElement(root, "worldbody")}
     for index in range(1, native.njoints):
         placement = native.jointPlacements[index]
         parent = bodies[native.parents[index]]
@@ -73,7 +74,8 @@ def _body_names(native: pin.Model) -> dict[int, str]:
 
 
 def _write_inertia(element: ET.Element, inertia: pin.Inertia) -> None:
-    moments, mass = np.array(inertia.inertia), repr(max(float(inertia.mass), _LEAST))
+    moments = np.array(inertia.inertia)
+    mass = repr(max(float(inertia.mass), _LEAST))
     if inertia.mass < _LEAST or np.linalg.eigvalsh(moments)[0] < _LEAST:
         moments = moments + _LEAST * np.eye(3)
     entries = numbers_text([*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2]])
@@ -83,7 +85,8 @@ def _write_inertia(element: ET.Element, inertia: pin.Inertia) -> None:
 
 
 def _write_joint(element: ET.Element, model: Model, index: int) -> None:
-    native, name = model.pin, str(model.pin.names[index])
+    native = model.pin
+    name = str(model.pin.names[index])
     linear, angular = np.split(motion_subspace(native, index), 2)
     if np.any(linear) and np.any(angular):
         raise ValueError(f"joint {name!r} is a screw, which MJCF does not have")
@@ -105,7 +108,8 @@ def _write_geoms(model: Model, bodies: dict[int, ET.Element]) -> None:
         shape = {"type": "sphere", "pos": numbers_text(start)}
         if np.linalg.norm(end - start) > 1e-9:
             shape = {"type": "capsule", "fromto": numbers_text([*start, *end])}
-        name, size = f"{body.link}:{seen[str(body.link)]}", repr(float(body.radius))
+        name = f"{body.link}:{seen[str(body.link)]}"
+        size = repr(float(body.radius))
         attributes = {"name": name, "mass": "0", "group": "3", "size": size, **shape}
         ET.SubElement(bodies[frame.parentJoint], "geom", attributes)
 

@@ -11,7 +11,8 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 INSTALL = "pip install armar example-robot-data robot_descriptions (in a clone: make robots)"
-_EXAMPLE, _ARMAR = "example-robot-data", "armar"
+_EXAMPLE = "example-robot-data"
+_ARMAR = "armar"
 _ON_DEMAND = "robot_descriptions"
 _MENAGERIE = "menagerie/"  # before names of robots of MuJoCo Menagerie
 
@@ -46,12 +47,15 @@ class Robot:
 
 _ARMS = {
     "panda": Robot(
-        *(_EXAMPLE, "panda_description/urdf/panda.urdf", "panda_hand_tcp", "panda_link0"),
+        _EXAMPLE,
+        "panda_description/urdf/panda.urdf",
+        "panda_hand_tcp",
+        "panda_link0",
         parallel_gripper=True,
     ),
     **{
         f"{name}-{side}-arm": Robot(
-            *(_EXAMPLE, file, f"gripper_{side}_base_link", base, (), parallel, raised)
+            _EXAMPLE, file, f"gripper_{side}_base_link", base, (), parallel, raised
         )
         for name, file, base, parallel, raised in (
             # One finger against two.

@@ -106,7 +106,8 @@ _Node: TypeAlias = tuple[int, int, pin.SE3]
 def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) -> _Node:
     """Add a child node to a parent."""
     _check_children(node)
-    name, (joint, frame, placement) = node.attrib["name"], parent
+    name = node.attrib["name"]
+    (joint, frame, placement) = parent
     placement = placement * _transform(node.find("transform"), units)
     movement = node.find("joint")
     kind = "fixed" if movement is None else movement.get("type", "fixed").lower()
@@ -121,7 +122,8 @@ def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) 
         axis = np.zeros(3) if child is None else _numbers(child, "xyz")
         if not np.any(axis):
             raise ValueError("its joint has no axis")
-        free, along = np.array([np.inf]), joint_along(axis / np.linalg.norm(axis), kind)
+        free = np.array([np.inf])
+        along = joint_along(axis / np.linalg.norm(axis), kind)
         joint = model.addJoint(joint, along, placement, name, free, free, *limits)
         placement = pin.SE3.Identity()
         frame = model.addJointFrame(joint, frame)
@@ -134,7 +136,8 @@ def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) 
 
 def _check_children(element: ET.Element) -> None:
     """Reject children that are unknown, or occur more than once where only one is allowed."""
-    tags, read = [child.tag for child in element], _READ[element.tag]
+    tags = [child.tag for child in element]
+    read = _READ[element.tag]
     for tag in tags:
         if tag not in read | _IGNORED:
             raise ValueError(f"<{element.tag}> has a <{tag}>, which is not supported")
@@ -173,8 +176,10 @@ def _transform(transform: ET.Element | None, units: _Units) -> pin.SE3:
             raise ValueError("<transform> has a <matrix4x4> and other elements")
         rows = _rows(matrix, 4)
         return pin.SE3(_rotation(rows[:3, :3]), _metres(matrix, units) * rows[:3, 3])
-    translation, angles = transform.find("translation"), transform.find("rollpitchyaw")
-    position, rotation = np.zeros(3), np.eye(3)
+    translation = transform.find("translation")
+    angles = transform.find("rollpitchyaw")
+    position = np.zeros(3)
+    rotation = np.eye(3)
     if translation is not None:
         position = _metres(translation, units) * _numbers(translation, "xyz")
     if angles is not None:
@@ -222,7 +227,8 @@ def _inertia(physics: ET.Element, units: _Units) -> pin.Inertia:
     if mass is None:
         raise ValueError("its <Physics> has no <Mass>")
     (value,) = _numbers(mass, ("value",)) * _unit(mass, "kg", _MASSES, "weight") * units.mass
-    lever, moments = np.zeros(3), np.zeros((3, 3))
+    lever = np.zeros(3)
+    moments = np.zeros((3, 3))
     if centre is not None:
         location = centre.get("location", "Custom").lower()
         if location not in ("custom", "joint"):

@@ -161,7 +161,8 @@ class AngleConvention:
     @property
     def to_right_forward_up(self) -> Array:
         """Rotation (3, 3) from the convention's axes to x right, y forward, z up."""
-        forward, up = direction(self.forward), direction(self.up)
+        forward = direction(self.forward)
+        up = direction(self.up)
         return np.stack([np.cross(forward, up), forward, up])
 
     def __repr__(self) -> str:

@@ -39,7 +39,8 @@ def axis_rotation(axis: str | ArrayLike, angles: ArrayLike) -> Array:
         vectors = np.multiply.outer(angle, direction(axis))
         return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix())
     i = AXES.index(axis)
-    j, k = (i + 1) % 3, (i + 2) % 3
+    j = (i + 1) % 3
+    k = (i + 2) % 3
     matrix = np.zeros((*angle.shape, 3, 3))
     matrix[..., i, i] = 1.0
     matrix[..., j, j] = matrix[..., k, k] = np.cos(angle)

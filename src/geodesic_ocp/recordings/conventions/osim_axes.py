@@ -31,7 +31,8 @@ from geodesic_ocp.recordings.conventions.osim_model import OsimModel, body_poses
 _STEP = 1e-4  # of coordinates [rad]
 _TURNS = 1e-3  # rad a unit of the coordinate
 # Cosines between an axis of rotation and a long axis: the elbow's flexion, the forearm's rotation.
-_ACROSS, _ALONG = 0.6, 0.8
+_ACROSS = 0.6
+_ALONG = 0.8
 
 
 def turning_axes(model: OsimModel, parent: str, child: str) -> dict[str, Array]:
@@ -177,7 +178,8 @@ def _nearest_point(hinge: Array, axis: Array, start: Array, end: Array) -> Array
 
     It is the hinge itself if the two are within 30 degrees of one direction.
     """
-    along, line = axis / np.linalg.norm(axis), end - start
+    along = axis / np.linalg.norm(axis)
+    line = end - start
     across = along - (along @ line) / (line @ line) * line
     if across @ across < 0.25:
         return hinge
@@ -242,7 +244,8 @@ def _facing(model: OsimModel, arm: ArmAxes, rotating: str, side: str) -> float:
     def away(angle: float) -> float:
         poses = body_poses(model, {**model.zero, rotating: np.array([angle])}, arm.bodies)
         upper, forearm = (each[0] for each in arm.rotations(poses))
-        sine, cosine = forearm[:, 0] @ upper[:, 1], forearm[:, 1] @ upper[:, 1]
+        sine = forearm[:, 0] @ upper[:, 1]
+        cosine = forearm[:, 1] @ upper[:, 1]
         return float(np.arctan2(sine, cosine))
 
     turn = away(_STEP) - away(-_STEP)  # without a whole turn, where the sign of `away` changes

@@ -183,7 +183,9 @@ def model_segments(
         thorax = bodies["thorax"]
         middle = _middle_of_shoulders(model, bodies)
         arms, refusals = _arms(model, bodies, _radians(model, convention))
-        left_out, unread, known = dict(refusals), [], {"thorax": thorax}
+        left_out = dict(refusals)
+        unread = []
+        known = {"thorax": thorax}
         chains = [["thorax", "pelvis"], ["thorax", "abdomen"]]
         chains += [["thorax", *(f"{side} {part}" for part in ARM)] for side in arms]
         for chain in chains:
@@ -281,7 +283,8 @@ def _radians(model: OsimModel, convention: OsimConvention) -> dict[str, float]:
 
 def _unlocked(model: OsimModel, start: str, body: str) -> tuple[str, ...]:
     """Return the unlocked independent coordinates of all joints between two bodies."""
-    first, second = model.path(start), model.path(body)
+    first = model.path(start)
+    second = model.path(body)
     joints = tuple(each for each in (*first, *second) if (each in first) != (each in second))
     names = model.independent(joints)
     return tuple(name for name in names if not model.coordinates[name].locked)
@@ -307,12 +310,14 @@ def _middle_of_shoulders(model: OsimModel, bodies: Mapping[str, str]) -> Array:
             shoulder = model.joints[body].child.position
             centres[side] = point_in(model, model.zero, thorax, body, shoulder)
     if len(centres) == 2:
-        across, line = centres["right"] - centres["left"], "line from left to right shoulder"
+        across = centres["right"] - centres["left"]
+        line = "line from left to right shoulder"
         middle = 0.5 * (centres["right"] + centres["left"])
         faces = across[2] > _ACROSS * np.linalg.norm(across)
     else:
         ((side, centre),) = centres.items()
-        across, line = centre * [0.0, 0.0, 1.0], f"{side} shoulder"
+        across = centre * [0.0, 0.0, 1.0]
+        line = f"{side} shoulder"
         middle = centre - across
         faces = across[2] * (1.0 if side == "right" else -1.0) > 0.0
     if not faces:

@@ -153,7 +153,8 @@ def _numbers(
     Raises:
         RecordingError: it is missing without a default, or does not have `size` usable numbers.
     """
-    text, where = _text(element, tag), f"<{tag}> of <{element.tag}>"
+    text = _text(element, tag)
+    where = f"<{tag}> of <{element.tag}>"
     if not text:
         if default is None:
             raise RecordingError(f"{where} is missing")
@@ -209,7 +210,8 @@ def _plain_function(element: ElementTree.Element, count: int) -> Callable[[Array
     if kind == "PolynomialFunction":
         powers = _numbers(element, "coefficients")  # the highest power is the first one
         return lambda values: np.asarray(np.polyval(powers, values[0]))
-    x, y = _numbers(element, "x"), _numbers(element, "y")
+    x = _numbers(element, "x")
+    y = _numbers(element, "y")
     if len(x) != len(y) or len(x) < 2 or not np.all(np.diff(x) > _NARROWEST):
         raise RecordingError(
             f"<{kind}> must have as many y as x, at least two, and x must increase"
@@ -232,7 +234,8 @@ def simm_spline(x: Array, y: Array) -> Callable[[Array], Array]:
         A function that raises RecordingError beyond the ends by more than a hundredth of the
         spline's width, as programs differ there. Up to that it is linear.
     """
-    degree, ends = min(len(x) - 1, 3), None
+    degree = min(len(x) - 1, 3)
+    ends = None
     if len(x) > 3:
         ends = tuple([(3, _third_derivative(x[k], y[k]))] for k in (slice(4), slice(-4, None)))
     spline = scipy.interpolate.make_interp_spline(x, y, degree, bc_type=ends)
@@ -319,7 +322,8 @@ def _frame(
 ) -> OffsetFrame:
     """Return the pose in its body of the frame to which the socket is connected."""
     path = _socket(element, socket)
-    rotation, position = np.eye(3), np.zeros(3)
+    rotation = np.eye(3)
+    position = np.zeros(3)
     for _ in range(len(frames) + 1):
         holder, _, name = path.rpartition("/")
         if holder.endswith("bodyset") or name == GROUND or name not in frames:

@@ -129,7 +129,8 @@ def named_segments(
                 f"{', '.join(found) or 'no segments'} among the joints {_listed(skeleton)}"
             )
         return convention, found
-    fits, ambiguous = [], []
+    fits = []
+    ambiguous = []
     for each in SKELETON_CONVENTIONS:
         try:
             found = _found(skeleton, each)
@@ -228,7 +229,8 @@ def body_axes(convention: SkeletonConvention, segments: dict[str, int], position
         RecordingError: the rest pose does not show these axes.
     """
     if convention.up is not None and convention.forward is not None:
-        up, forward = _axis(convention.up), _axis(convention.forward)
+        up = _axis(convention.up)
+        forward = _axis(convention.forward)
         return np.stack([np.cross(forward, up), forward, up], axis=1)
     pelvis = positions[segments.get("pelvis", segments.get("abdomen", 0))]
     chest = positions[segments["thorax"]]
@@ -317,7 +319,8 @@ def neutral_frames(
                 twists[names[0]] = np.arctan(y / x) if x else np.pi / 2.0
         frames |= {name: frames[name] @ axis_rotation("z", twists[name]) for name in names}
     if len(directions) == 2:
-        right, left = directions["right"], directions["left"]
+        right = directions["right"]
+        left = directions["left"]
         if right @ (left * [-1.0, 1.0, 1.0]) < _ALONG:
             raise RecordingError(
                 "the arms do not mirror each other in the rest pose: the right one has the "
@@ -348,9 +351,11 @@ def _shortest(start: Array, end: Array) -> Array:
     return np.asarray(turn.as_matrix())
 
 
-_SHORTEST_ARM, _LONGEST_ARM = 0.2, 0.9  # [m] from shoulder to wrist, children included
+_SHORTEST_ARM = 0.2  # [m] from shoulder to wrist, children included
+_LONGEST_ARM = 0.9  # [m] from shoulder to wrist, children included
 # Cosines: a person whose thorax points along another axis than the vertical on average.
-_ALONG_ANOTHER, _NOT_UPRIGHT = 0.8, 0.5
+_ALONG_ANOTHER = 0.8
+_NOT_UPRIGHT = 0.5
 
 
 def skeleton_segments(
@@ -413,7 +418,8 @@ def skeleton_segments(
 
 def _rest_pose(motion: SkeletonMotion, convention: SkeletonConvention) -> tuple[Array, Array]:
     """Return rotations (n, 3, 3) and positions (n, 3) of all joints in the rest pose."""
-    skeleton, zero = motion.skeleton, convention.rest == "zero"
+    skeleton = motion.skeleton
+    zero = convention.rest == "zero"
 
     def rotation(joint: int) -> Array:
         return np.eye(3) if zero else motion.rotation(joint).reshape(-1, 3, 3)[:1]

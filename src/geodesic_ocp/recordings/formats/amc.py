@@ -86,9 +86,11 @@ def read_units(lines: Lines) -> tuple[float | None, float | None]:
     """Return metres and radians in the units of length and of angles, None where they are not
     stated.
     """
-    unit, angle = None, None
+    unit = None
+    angle = None
     for number, words in lines:
-        key, given = words[0].lower(), " ".join(words[1:])
+        key = words[0].lower()
+        given = " ".join(words[1:])
         if key == "length":
             (value,) = numbers(number, "the unit of length", words[1:], 1)
             if value <= 0.0:
@@ -107,7 +109,8 @@ def read_root(lines: Lines) -> AcclaimBone:
     """Return the root, as a bone of no length that can also be moved."""
     bone = AcclaimBone(lines[0][0] if lines else 0, "root", [0.0, 1.0, 0.0], 0.0, [0.0] * 3)
     for number, words in lines:
-        key, given = words[0].lower(), words[1:]
+        key = words[0].lower()
+        given = words[1:]
         if key == "order":
             bone.dofs = tuple(word.lower() for word in given)
             if sorted(bone.dofs) != ["rx", "ry", "rz", "tx", "ty", "tz"]:
@@ -142,7 +145,8 @@ def read_bones(lines: Lines) -> list[AcclaimBone]:
     bones: list[AcclaimBone] = []
     bone: AcclaimBone | None = None
     for number, words in lines:
-        key, given = words[0].lower(), words[1:]
+        key = words[0].lower()
+        given = words[1:]
         if key == "begin":
             if bone is not None:
                 raise RecordingError(f"line {number}: 'begin' before the 'end' of a bone")
@@ -253,7 +257,8 @@ def read_asf(file: Path) -> AcclaimSkeleton:
         np.array(bone.direction) / math.hypot(*bone.direction) * bone.length for bone in ordered
     ]
     offsets = np.array([np.zeros(3), *(ends[parent] for parent in above[1:])])
-    frames, hinges = [], {}
+    frames = []
+    hinges = {}
     for index, bone in enumerate(ordered):
         frames.append(bone.rotations((angle or 0.0) * np.array([bone.axis]), ("rx", "ry", "rz"))[0])
         if len(bone.dofs) == 1:
@@ -315,7 +320,8 @@ def _skeleton_motion(
     moves = [acclaim.bones[0].dofs.index(axis) for axis in ("tx", "ty", "tz")]
 
     def rotation(joint: int) -> Array:
-        bone, frame = acclaim.bones[joint], acclaim.frames[joint]
+        bone = acclaim.bones[joint]
+        frame = acclaim.frames[joint]
         if not bone.dofs:
             return np.eye(3)
         turned: Array = frame @ bone.rotations(angle * values[bone.name], bone.dofs) @ frame.T
@@ -351,7 +357,8 @@ def _skeleton_beside(file: Path) -> Path:
 
 def _header(lines: list[str]) -> tuple[int, float | None, float | None]:
     """Return index of the first line of frames, unit of angles [rad] and rate [Hz], if stated."""
-    angle, rate = None, None
+    angle = None
+    rate = None
     for number, line in enumerate(lines, start=1):
         words = line.partition("#")[0].lower().split()
         if not words:
@@ -380,7 +387,9 @@ def _frames(lines: list[str], start: int, acclaim: AcclaimSkeleton) -> dict[str,
     """Return numbers (k, dofs) by bone; every frame gives every bone once."""
     dofs = {bone.name: len(bone.dofs) for bone in acclaim.bones if bone.dofs}
     rows: dict[str, list[list[float]]] = {name: [] for name in dofs}
-    frame, frame_line, count = 0, 0, 0
+    frame = 0
+    frame_line = 0
+    count = 0
 
     def check_complete() -> None:
         for name, row in rows.items():
@@ -391,7 +400,8 @@ def _frames(lines: list[str], start: int, acclaim: AcclaimSkeleton) -> dict[str,
         words = line.partition("#")[0].split()
         if not words:
             continue
-        name, given = words[0], words[1:]
+        name = words[0]
+        given = words[1:]
         if name in rows:
             if len(rows[name]) == count:
                 raise RecordingError(f"line {number}: {name} comes twice in frame {frame}")
@@ -400,7 +410,9 @@ def _frames(lines: list[str], start: int, acclaim: AcclaimSkeleton) -> dict[str,
             check_complete()
             if len(name) > 9 or (count and int(name) != frame + 1):
                 raise RecordingError(f"line {number}: frame {name[:12]} follows frame {frame}")
-            frame, frame_line, count = int(name), number, count + 1
+            frame = int(name)
+            frame_line = number
+            count = count + 1
         elif name in acclaim.skeleton.names:
             raise RecordingError(f"line {number}: {name} has no degrees of freedom in the skeleton")
         else:

@@ -106,7 +106,8 @@ def _from_file(file: Path) -> dict[str, Column]:
         for number, row in enumerate(rows[1:], 2):
             cells = {key: cell.strip() for key, cell in zip(header, row, strict=False)}
             given: dict[str, Any] = {key: text for key, text in cells.items() if text}
-            joint, given["name"] = given.pop("ours", ""), given.pop("theirs", "")
+            joint = given.pop("ours", "")
+            given["name"] = given.pop("theirs", "")
             if not joint or not given["name"] or joint in found:
                 raise RecordingError(f"row {number} must name a joint of its own and a column")
             for key in ("sign", "offset"):
@@ -163,7 +164,8 @@ def _angles(
     file: Path, table: Table, joints: Sequence[str] | None, columns: dict[str, Column] | None
 ) -> Series:
     """Return the angles [rad] of the joints."""
-    rows, others = table.rows, table.others
+    rows = table.rows
+    others = table.others
     if columns is None:
         names = {_bare(name): name for name in others}
         wanted = others if joints is None else list(joints)

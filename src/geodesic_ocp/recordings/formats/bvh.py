@@ -64,7 +64,9 @@ def read_hierarchy(lines: list[str]) -> BvhHierarchy:
         RecordingError: the hierarchy is malformed; the message names the line.
     """
     tree = BvhHierarchy()
-    parent, opened, begun = -1, True, False
+    parent = -1
+    opened = True
+    begun = False
     for number, line in enumerate(lines, start=1):
         words = line.replace("{", " { ").replace("}", " } ").split()
         if words and not begun:
@@ -72,7 +74,8 @@ def read_hierarchy(lines: list[str]) -> BvhHierarchy:
                 raise RecordingError(
                     f"line {number}: a BVH begins with HIERARCHY, not {line.strip()[:40]!r}"
                 )
-            begun, words = True, words[1:]
+            begun = True
+            words = words[1:]
         while words:
             key = words[0].upper()
             if not opened and key != "{":
@@ -85,15 +88,19 @@ def read_hierarchy(lines: list[str]) -> BvhHierarchy:
             if key == "{":
                 if opened:
                     raise RecordingError(f"line {number}: '{{' without a joint")
-                opened, words = True, words[1:]
+                opened = True
+                words = words[1:]
             elif key in ("ROOT", "JOINT", "END"):
                 end = words.index("{") if "{" in words else len(words)
                 tree.joints.append(_joint(tree, number, words[:end], parent))
-                parent, opened, words = len(tree.joints) - 1, False, words[end:]
+                parent = len(tree.joints) - 1
+                opened = False
+                words = words[end:]
             elif joint is None:
                 raise RecordingError(f"line {number}: {words[0][:40]!r} is outside of the skeleton")
             elif key == "}":
-                parent, words = joint.parent, words[1:]
+                parent = joint.parent
+                words = words[1:]
             elif key == "OFFSET" and joint.offset is None:
                 count = 6 if words[4:] and words[4][0] in "+-.0123456789" else 3
                 joint.offset = numbers(number, "OFFSET", words[1 : count + 1], count)
@@ -110,7 +117,8 @@ def read_hierarchy(lines: list[str]) -> BvhHierarchy:
 
 def _joint(tree: BvhHierarchy, line: int, words: list[str], parent: int) -> BvhJoint:
     """Return the joint that begins with these words, such as "JOINT Spine"."""
-    is_root, name = words[0].upper() == "ROOT", " ".join(words[1:])
+    is_root = words[0].upper() == "ROOT"
+    name = " ".join(words[1:])
     above = tree.joints[parent] if parent >= 0 else None
     depth = 1 if above is None else above.depth + 1
     fault = ""

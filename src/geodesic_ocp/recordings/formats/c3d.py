@@ -31,7 +31,9 @@ from geodesic_ocp.recordings.markers.people import distinct_labels
 from geodesic_ocp.trajectory.motion import Subject
 
 BLOCK = 512
-_DEC, _ORDERS = 85, {84: "<", 85: "<", 86: ">"}  # byte orders of Intel, DEC and MIPS
+# byte orders of Intel, DEC and MIPS
+_DEC = 85
+_ORDERS = {84: "<", 85: "<", 86: ">"}
 _TYPES = {1: "B", 2: "H", 4: "f"}
 _SATURATED = 65535  # of a frame number in the header, in longer files
 
@@ -111,7 +113,8 @@ def read_c3d_header(content: bytes) -> C3dHeader:
     Raises:
         RecordingError: the file is cut off, or its header or parameters contradict themselves.
     """
-    size, block = len(content), content[0] if content else 0
+    size = len(content)
+    block = content[0] if content else 0
     start = BLOCK * (block - 1)
     if block < 2 or start + 4 > size:
         raise RecordingError(
@@ -121,7 +124,8 @@ def read_c3d_header(content: bytes) -> C3dHeader:
     processor = content[start + 3]
     if processor not in _ORDERS:
         raise RecordingError(f"names a processor of unknown type {processor}")
-    order, is_dec = _ORDERS[processor], processor == _DEC
+    order = _ORDERS[processor]
+    is_dec = processor == _DEC
     points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
     (data,) = struct.unpack_from(f"{order}H", content, 16)
     scale, rate = (floats(content[at : at + 4], order, is_dec)[0] for at in (12, 20))
@@ -185,7 +189,8 @@ def _values(
     """
     kind, rank = struct.unpack_from("bB", content[at : at + 2].ljust(2, b"\0"))
     dimensions = content[at + 2 : at + 2 + rank]
-    count, start = math.prod(dimensions), at + 2 + rank
+    count = math.prod(dimensions)
+    start = at + 2 + rank
     end = start + abs(kind) * count
     raw = content[start:end]
     if kind not in (-1, *_TYPES) or len(dimensions) < rank or end > len(content):
@@ -233,7 +238,8 @@ def read_c3d(file: Path) -> Markers:
         names = distinct_labels(file, list(labels.values()))
         subjects = header.strings("SUBJECTS", "NAMES")
         points = _points(header, content)[:, list(labels)]
-        positions, residuals = points[:, :, :3], points[:, :, 3]
+        positions = points[:, :, :3]
+        residuals = points[:, :, 3]
         missing = (residuals < 0.0) | ((residuals == 0.0) & np.all(positions == 0.0, axis=2))
         positions = np.where(missing[:, :, None], np.nan, LENGTHS[unit.lower()] * positions)
         time = np.arange(len(points)) / header.rate

@@ -238,7 +238,8 @@ def read_csv(
     first = 0
     while first < len(lines) and (lines[first].startswith("#") or not lines[first].strip()):
         key, colon, value = lines[first].lstrip("# ").partition(":")
-        key, value = key.strip().lower(), value.strip().rstrip(",; \t")
+        key = key.strip().lower()
+        value = value.strip().rstrip(",; \t")
         known = key in ("unit", "height", "mass", "subject")
         if colon and notes.setdefault(key, value) != value and known:
             raise RecordingError(f"line {first + 1} gives the {key} again, with another value")
@@ -259,7 +260,9 @@ def read_csv(
             "(--sample-rate)"
         )
     assumed = [] if separator == "," else [f"{_SEPARATORS[separator]} between the columns"]
-    names, scales, seconds = [], {}, 1.0
+    names = []
+    scales = {}
+    seconds = 1.0
     for cell in cells:
         name, own = name_and_unit(cell)
         if cell in times[:1]:

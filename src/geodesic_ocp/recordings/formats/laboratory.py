@@ -138,7 +138,8 @@ def _vicon_columns(line: int, labels: Sequence[str], axes: Sequence[str]) -> dic
     starts = [index for index, label in enumerate(labels) if index >= 2 and label]
     columns: dict[str, list[int]] = {}
     for start, end in zip(starts, [*starts[1:], len(axes)], strict=False):
-        label, places = labels[start], {axes[k]: k for k in range(start, min(end, len(axes)))}
+        label = labels[start]
+        places = {axes[k]: k for k in range(start, min(end, len(axes)))}
         if label.rpartition(":")[2].startswith("*"):
             continue
         if label in columns or not {"X", "Y", "Z"} <= set(places):

@@ -58,7 +58,8 @@ def thorax_motion(root: FrameMotion, angles: Array, height: float) -> FrameMotio
     """
     rotation = scipy.spatial.transform.Rotation
     lengths = trunk()
-    rotations, positions = np.array(root.rotations), np.array(root.positions)
+    rotations = np.array(root.rotations)
+    positions = np.array(root.positions)
     steps = (lengths.pelvis, angles[:, :3]), (lengths.abdomen.length, angles[:, 3:])
     for length, turned in steps:
         positions += height * length * rotations[:, :, 2]
@@ -117,7 +118,8 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
             raise RecordingError(
                 f"expected <MMM> with a <Motion>, found <{root.tag}>: not an MMM recording"
             )
-        wanted, missing = list(joints or ()), []
+        wanted = list(joints or ())
+        missing = []
         for motion in motions:
             for names, time, positions in _sources(motion):
                 missing = [name for name in wanted if name not in names]
@@ -174,7 +176,9 @@ def _motion(
     positions: Texts,
     wanted: list[str],
 ) -> Motion:
-    subject, times, q = _subject(motion), time.numbers(1)[:, 0], positions.numbers(len(names))
+    subject = _subject(motion)
+    times = time.numbers(1)[:, 0]
+    q = positions.numbers(len(names))
 
     def columns(joints: Sequence[str]) -> Array:
         return q[:, [names.index(name) for name in joints]]

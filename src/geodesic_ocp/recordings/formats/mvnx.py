@@ -55,7 +55,8 @@ _LATE = 0.01  # [s] by which two times of a frame may differ, beside a part of t
 _UNIT = 0.01  # by which the length of a quaternion may differ from one
 _FARTHEST = 1e5  # [m]
 # Directions of bones of so many metres by positions and by orientations, and how far they differ.
-_LONG, _APART = 0.15, 10.0  # [m], [deg]
+_LONG = 0.15  # [m], [deg]
+_APART = 10.0  # [m], [deg]
 
 
 def read_mvnx(

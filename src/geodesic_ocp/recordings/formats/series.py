@@ -95,7 +95,8 @@ class Series:
     ) -> tuple[NDArray[np.int64], Array]:
         """Return the samples of a part, or of all, and their numbers with short gaps bridged."""
         time = self.time
-        q, missing = np.array(self.known), np.isnan(self.known)
+        q = np.array(self.known)
+        missing = np.isnan(self.known)
         every = np.arange(len(time))
         if not missing.any() and part in (None, 1):
             return every, q
@@ -200,7 +201,8 @@ def without_gaps(file: Path, motion: Motion, *, fill: float | None, part: int | 
     if part is None and not series.stand_for_gaps.any():
         return motion
     kept, q = series._complete(file, fill, part)
-    time, trunk = motion.time[kept], motion.trunk
+    time = motion.time[kept]
+    trunk = motion.trunk
     if trunk is not None:
         there = ~series.stand_for_gaps.any(axis=1)
         if there.all():

@@ -62,7 +62,8 @@ _WIDTHS = (66, 72, 156, 165)  # the body alone, SMPL, SMPL-H, SMPL-X
 # Columns of the body without the pelvis, of SMPL also with its two hands.
 _PARTS = {("root_orient", "pose_body"): (63,), ("global_orient", "body_pose"): (63, 69)}
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
-_SLOWEST, _FASTEST = 1e-3, 1e6  # [Hz]
+_SLOWEST = 1e-3  # [Hz]
+_FASTEST = 1e6  # [Hz]
 
 
 def read_smpl(

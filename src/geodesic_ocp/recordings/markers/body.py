@@ -186,7 +186,8 @@ class MarkedBody:
 
         The lengths are relative to those of the model; offsets are those at the model's height.
         """
-        poses, base = joint_poses(self.model, q, self.factors(lengths)), self.base(lengths)
+        poses = joint_poses(self.model, q, self.factors(lengths))
+        base = self.base(lengths)
         points = []
         for place, offset in zip(attachments, ca.horzsplit(offsets), strict=True):
             common, *_ = stretch = self.stretch(place, lengths)

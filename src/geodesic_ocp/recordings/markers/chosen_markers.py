@@ -256,7 +256,8 @@ def _aligned(places: Array, points: Array) -> tuple[Array, ...]:
     count = seen.sum(axis=1)
     own = (seen * places).sum(axis=1) / count
     there = np.nansum(points, axis=1) / count
-    left, right = seen * (places - own[:, None]), np.nan_to_num(points - there[:, None])
+    left = seen * (places - own[:, None])
+    right = np.nan_to_num(points - there[:, None])
     u, sizes, v = np.linalg.svd(np.swapaxes(left, 1, 2) @ right)
     sign = np.sign(np.linalg.det(u @ v))
     squares = (left**2 + right**2).sum(axis=(1, 2)) - 2.0 * (sizes[:, 0] + sizes[:, 1])
@@ -314,7 +315,9 @@ def rigid_poses(places: Array, observed: Array, time: Array) -> tuple[Array, Arr
     rows = _in_three(observed)
     rotations, positions, sizes, _ = _aligned(places, observed[rows])
     usable = ~(sizes[:, 1] < 1e-4 * sizes[:, 0])
-    rotations, positions, known = rotations[usable], positions[usable], time[rows[usable]]
+    rotations = rotations[usable]
+    positions = positions[usable]
+    known = time[rows[usable]]
     if not known.size:
         raise ValueError(
             "base='free' needs three markers of the thorax (of the model's base) in one frame at "

@@ -50,7 +50,9 @@ from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 _COARSE_STEP = 0.05  # [s]
 _WIDE = 0.2  # outlier size of the first solution, to which few markers are lost [m]
-_ROUGHLY, _CLOSELY = 1e-5, 1e-6  # tolerances
+# tolerances
+_ROUGHLY = 1e-5
+_CLOSELY = 1e-6
 _STEEP = 0.8  # sine of the root's angle in the middle, above which other axes are chosen
 
 
@@ -75,10 +77,14 @@ def solve_fit(problem: FitProblem, time: Array, ipopt: dict[str, Any] | None) ->
         ValueError: the root moves and has too few markers, or markers determine none of the joints.
         NotConverged: Ipopt did not find a solution.
     """
-    observed, narrow = problem.chosen.observed, problem.settings.outlier
-    rows, everything, wide = _coarse(time), np.arange(time.size), max(_WIDE, narrow)
+    observed = problem.chosen.observed
+    narrow = problem.settings.outlier
+    rows = _coarse(time)
+    everything = np.arange(time.size)
+    wide = max(_WIDE, narrow)
     problem, start = _root_start(problem, time)
-    z, shared = FrameSearch(problem, wide).along(start[rows], observed[rows]), np.zeros(problem.ns)
+    z = FrameSearch(problem, wide).along(start[rows], observed[rows])
+    shared = np.zeros(problem.ns)
     seen = ~np.isnan(observed[rows, :, 0])
     loose = undetermined_joints(problem, z, shared, seen)
     if loose.all():
@@ -124,7 +130,8 @@ def _root_start(problem: FitProblem, time: Array) -> tuple[FitProblem, Array]:
     z = np.tile(problem.neutral, (time.size, 1))
     if not problem.moves:
         return problem, z
-    segments, observed = problem.chosen.segments, problem.chosen.observed
+    segments = problem.chosen.segments
+    observed = problem.chosen.observed
     carried = [problem.body.attachment(segment).joint <= 0 for segment in segments]
     (places,) = problem.positions(problem.neutral[None], np.zeros(problem.ns))
     columns = np.flatnonzero(carried)
@@ -233,7 +240,10 @@ def fit_markers(
         if each not in _ESTIMATES:
             raise ValueError(f"estimate takes any of {', '.join(_ESTIMATES)}, got {each!r}")
     settings = FitSettings(
-        *(base, "lengths" in asked, "offsets" in asked, bool(limits)),
+        base,
+        "lengths" in asked,
+        "offsets" in asked,
+        bool(limits),
         as_positive("noise", noise, "m"),
         as_positive("acceleration", acceleration, "rad/s^2"),
         as_positive("jerk", jerk, "rad/s^3"),
@@ -282,9 +292,13 @@ def _check_times(time: Array) -> None:
 
 def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> MarkerFit:
     """Return the motion, lengths, errors and lost markers from the variables of the program."""
-    problem, body, chosen = fitted.problem, fitted.problem.body, fitted.problem.chosen
+    problem = fitted.problem
+    body = fitted.problem.body
+    chosen = fitted.problem.chosen
     found, offsets = (ca.DM(each).full() for each in problem.shared_values(ca.DM(fitted.shared)))
-    lengths, time, q = found[:, 0], positions.time, fitted.z[:, problem.first_joint :]
+    lengths = found[:, 0]
+    time = positions.time
+    q = fitted.z[:, problem.first_joint :]
     model = body.scaled(lengths)
     predicted = problem.positions(fitted.z, fitted.shared)
     errors = np.linalg.norm(predicted - chosen.observed, axis=2)

@@ -34,7 +34,8 @@ ROOT = 6  # coordinates of a root that moves
 PRIOR_TIME = 10.0
 # Spread of the joints about zero, or the limit next to it [rad]: one so wide that it hardly
 # matters, and that of joints which the markers do not determine.
-_POSTURE_SPREAD, LOOSE_SPREAD = 10.0, 1.0
+_POSTURE_SPREAD = 10.0
+LOOSE_SPREAD = 1.0
 # Translations of the root per rad: expected accelerations and jerks are so much of the joints' [m].
 _ROOT_LEVER = 0.2
 # Spread of segment lengths about their proportion to body height, relative; no more than an
@@ -45,7 +46,8 @@ _IPOPT = {"max_iter": 200, "mu_strategy": "monotone", "acceptable_iter": 0}
 _ROUNDING = 1e-14
 # Of the barrier, summed over all variables with bounds: at first, and complementarity at the end.
 # Together the barriers of all frames pull at lengths and offsets.
-_BARRIER, _COMPLEMENTARITY = 1e-2, 1e-2
+_BARRIER = 1e-2
+_COMPLEMENTARITY = 1e-2
 
 
 LOST = 0.25  # weight below which a marker counts as lost: it is farther away than `outlier`
@@ -170,7 +172,8 @@ class FitProblem:
     @cached_property
     def frame(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Symbols of a frame's and the shared variables, and markers' positions (3, m) [m]."""
-        z, shared = ca.SX.sym("z", self.nz), ca.SX.sym("s", self.ns)
+        z = ca.SX.sym("z", self.nz)
+        shared = ca.SX.sym("s", self.ns)
         lengths, offsets = self.shared_values(shared)
         attachments = [self.body.attachment(segment) for segment in self.chosen.segments]
         points = self.body.points(z[self.first_joint :], lengths, attachments, offsets)
@@ -184,7 +187,8 @@ class FitProblem:
         """Return rotation of the root from its angles about z, y and x, in this order."""
         rotation = ca.SX(self.axes)
         for angle, axis in zip(ca.vertsplit(angles), (2, 1, 0), strict=True):
-            turn, (i, j) = ca.SX.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
+            turn = ca.SX.eye(3)
+            (i, j) = ((axis + 1) % 3, (axis + 2) % 3)
             turn[i, i] = turn[j, j] = ca.cos(angle)
             turn[j, i] = ca.sin(angle)
             turn[i, j] = -turn[j, i]
@@ -229,7 +233,8 @@ class FitProblem:
         Parameters are the observed positions (3 m), weights (m) and the outlier size.
         """
         z, shared, points = self.frame
-        observed, weights = ca.SX.sym("y", points.numel()), ca.SX.sym("w", points.shape[1])
+        observed = ca.SX.sym("y", points.numel())
+        weights = ca.SX.sym("w", points.shape[1])
         outlier = ca.SX.sym("c")
         squares = ca.sum1((points - ca.reshape(observed, *points.shape)) ** 2).T
         loss = ca.dot(weights, squares / (1 + squares / outlier**2)) / 2
@@ -253,7 +258,9 @@ class FitProblem:
 
         `loose` (n,) says which joints the markers do not determine.
         """
-        settings, count, size = self.settings, time.size, time.size * self.nz + self.ns
+        settings = self.settings
+        count = time.size
+        size = time.size * self.nz + self.ns
         # The time that each sample stands for: half of that to its neighbours.
         shares = np.convolve(np.diff(time), [0.5, 0.5])
         scale = float(time[-1] - time[0]) * observed.shape[1]
@@ -281,8 +288,10 @@ class FitProblem:
         """Return Hessian of the smoothness and posture of all frames (k nz, k nz), and weights of
         the posture in a frame (nz,).
         """
-        settings, shares = self.settings, np.convolve(np.diff(time), [0.5, 0.5])
-        levers, weak = np.ones(self.nz), np.zeros(self.nz)
+        settings = self.settings
+        shares = np.convolve(np.diff(time), [0.5, 0.5])
+        levers = np.ones(self.nz)
+        weak = np.zeros(self.nz)
         levers[: 3 if self.moves else 0] = _ROOT_LEVER
         weak[self.first_joint :] = np.where(loose, LOOSE_SPREAD, _POSTURE_SPREAD) ** -2.0
         rough = roughness(time, {2: settings.acceleration, 3: settings.jerk})

@@ -123,7 +123,8 @@ def constant_errors(
         shared: variables of all frames (ns,).
         weights: weights of the markers (k, m); NaN where missing.
     """
-    noise, estimated = problem.settings.noise, problem.settings.offsets
+    noise = problem.settings.noise
+    estimated = problem.settings.offsets
     if not estimated:
         problem = replace(problem, settings=replace(problem.settings, offsets=True))
         shared = np.concatenate([shared, np.zeros(problem.ns - shared.size)])
@@ -134,7 +135,8 @@ def constant_errors(
     at = ca.Function("slopes", symbols, [ca.cse(each) for each in slopes])
     weak = np.full(problem.nz, (noise / LOOSE_SPREAD) ** 2)
     weak[: problem.first_joint] = 1e-12
-    carried, told = np.zeros((problem.nz, problem.ns)), np.zeros((problem.ns, problem.ns))
+    carried = np.zeros((problem.nz, problem.ns))
+    told = np.zeros((problem.ns, problem.ns))
     rows = evenly(len(z), _FRAMES)
     for row in rows:
         by_z, by_shared = (each.full() for each in at(z[row], shared))

@@ -9,7 +9,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.fit_program import FitProblem
 
-_STARTS, _STEPS = 40, 60
+_STARTS = 40
+_STEPS = 60
 _ENOUGH = 1e-6  # relative decrease at which a frame's angles are good enough
 _PULL = 1e-2  # towards the start of a search, relative to the markers' weight
 
@@ -31,10 +32,15 @@ class FrameSearch:
         seen = ~np.isnan(observed[:, 0])
         if not seen.any():
             return start, np.inf
-        rows, wanted = np.repeat(seen, 3), np.nan_to_num(observed).ravel()
-        (lower, upper), pull = self.problem.limits, _PULL * self.problem.settings.noise**2
+        rows = np.repeat(seen, 3)
+        wanted = np.nan_to_num(observed).ravel()
+        (lower, upper) = self.problem.limits
+        pull = _PULL * self.problem.settings.noise**2
         shared = np.zeros(self.problem.ns)
-        damping, best, z, trial = 1e-2, np.inf, start, start
+        damping = 1e-2
+        best = np.inf
+        z = start
+        trial = start
         for _ in range(_STEPS):
             positions, slopes = self.problem.slopes(trial, shared)
             residual = np.where(rows, positions.full()[:, 0] - wanted, 0.0)
@@ -42,11 +48,14 @@ class FrameSearch:
             loss = float(np.sum(squares / (1.0 + squares / self.outlier**2)))
             loss += pull * float(((trial - start) ** 2).sum())
             if loss < best:
-                decrease, best, z = best - loss, loss, trial
+                decrease = best - loss
+                best = loss
+                z = trial
                 if decrease < _ENOUGH * best:
                     break
                 damping /= 3.0
-                jacobian, weight = slopes.full(), seen / (1.0 + squares / self.outlier**2) ** 2
+                jacobian = slopes.full()
+                weight = seen / (1.0 + squares / self.outlier**2) ** 2
                 weighted = jacobian.T * np.repeat(weight, 3)
                 matrix = weighted @ jacobian + pull * np.eye(z.size)
                 slope = weighted @ residual + pull * (z - start)
@@ -57,7 +66,8 @@ class FrameSearch:
             size = damping * (1e-3 * np.trace(matrix) / z.size + np.diag(matrix))
             # Joints at a bound that the step would cross are held.
             held = ((z <= lower) & (slope > 0)) | ((z >= upper) & (slope < 0))
-            moving, change = np.flatnonzero(~held), np.zeros(z.size)
+            moving = np.flatnonzero(~held)
+            change = np.zeros(z.size)
             block = matrix[np.ix_(moving, moving)] + np.diag(size[moving])
             change[moving] = -np.linalg.solve(block, slope[moving])
             trial = np.clip(z + change, lower, upper)
@@ -65,7 +75,8 @@ class FrameSearch:
 
     def anew(self, z: Array, observed: Array, seed: int = 0) -> tuple[Array, float]:
         """Return the best angles from many starts within the limits."""
-        random, first = np.random.default_rng(seed), self.problem.first_joint
+        random = np.random.default_rng(seed)
+        first = self.problem.first_joint
         low, high = np.clip(self.problem.limits[:, first:], -np.pi, np.pi)
         found = []
         for index in range(_STARTS):

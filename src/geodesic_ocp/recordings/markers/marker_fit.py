@@ -29,11 +29,14 @@ _MANY = 0.25  # share of the samples of markers that are lost
 # within 70 mm.
 _NO_FIT = 0.04  # [m]
 _MOST = 0.75  # share of the samples of markers that are lost
-_SHORTEST, _TALLEST = 0.8, 2.4  # body heights that are believed if they are estimated [m]
+# body heights that are believed if they are estimated [m]
+_SHORTEST = 0.8
+_TALLEST = 2.4
 # Adults: three standard deviations (0.065 and 0.07 m) below the mean of the women and above that of
 # the men of the nations where they are shortest and tallest, 1.49 and 1.825 m (NCD Risk Factor
 # Collaboration, "A century of trends in adult human height", eLife 5, 2016).
-_SHORT_ADULT, _TALL_ADULT = 1.30, 2.04  # [m]
+_SHORT_ADULT = 1.30  # [m]
+_TALL_ADULT = 2.04  # [m]
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,8 @@ class Markers:
     subject: Subject = field(default_factory=Subject)
 
     def __post_init__(self) -> None:
-        time, positions = np.array(self.time, dtype=float), np.array(self.positions, dtype=float)
+        time = np.array(self.time, dtype=float)
+        positions = np.array(self.positions, dtype=float)
         names = tuple(self.names)
         if time.ndim != 1 or positions.shape != (time.size, len(names), 3):
             raise ValueError(
@@ -131,9 +132,12 @@ def without_gap_numbers(markers: Markers) -> tuple[Markers, str]:
 
 # Markers of people in one room are not farther apart, nor farther from its origin; those of the
 # smallest movements that are recorded, of one hand, are farther apart [m].
-_WIDEST, _FARTHEST, _NARROWEST = 10.0, 100.0, 0.05
+_WIDEST = 10.0
+_FARTHEST = 100.0
+_NARROWEST = 0.05
 _ASKED = ": are the numbers {} or cm? A file must state their unit, Markers must be in m"
-IN_MM, IN_M = _ASKED.format("mm"), _ASKED.format("m")
+IN_MM = _ASKED.format("mm")
+IN_M = _ASKED.format("m")
 
 
 def check_plausible_size(markers: Markers) -> None:
