@@ -48,7 +48,7 @@ def turned(motion: go.Motion, side: str, change: str, degrees: float) -> go.Moti
 
 def measured(motion: go.Motion, arm: go.Model) -> tuple[float, ...]:
     """Return number of synergies, errors of joints and hand, and the fitted joint inertia."""
-    recording = go.recordings.Recording(arm, motion.filtered())
+    recording = go.trajectory.Recording(arm, motion.filtered())
     analysis = go.analyse(arm, recording.motion)
     errors = analysis.errors["riemannian"]
     fit = go.fit_metric(recording)

@@ -94,7 +94,7 @@ def row(name: str, values: np.ndarray) -> str:
     return f"| {name} | {count:.1f} | {error:.4f} | {written} | {milliseconds:.0f} |"
 
 
-def measured(recording: go.recordings.Recording, cutting: Cutting, options) -> np.ndarray:
+def measured(recording: go.trajectory.Recording, cutting: Cutting, options) -> np.ndarray:
     """Return the entries of a row, for one recording."""
     model = recording.model
     metric = go.KineticEnergy(model.with_armature(go.manifold.default_joint_inertia(model)))

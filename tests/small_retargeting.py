@@ -12,7 +12,7 @@ import geodesic_ocp as go
 @cache
 def small_analysis() -> go.Analysis:
     """Of the reach for the box in the bundled recording."""
-    whole = go.recordings.bundled_recording()
+    whole = go.trajectory.bundled_recording()
     return go.analyse(whole.model, whole.motion.part(260, 429), metric="kinetic")
 
 

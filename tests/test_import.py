@@ -15,7 +15,7 @@ ANALYSE = """
 import geodesic_ocp as go
 import sys
 
-recording = go.recordings.bundled_recording()
+recording = go.trajectory.bundled_recording()
 arm, motion = recording.model, recording.motion
 go.log(go.KineticEnergy(arm), motion.q[790], motion.q[-1])
 analysis = go.analyse(arm, motion.part(790, len(motion) - 1))

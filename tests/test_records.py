@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_ocp.recordings.formats.series import Gaps
 from geodesic_ocp.records import TEMPORARY, naming, write_file
 from geodesic_ocp.studies.study_tables import write_table
+from geodesic_ocp.trajectory.files.series import Gaps
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")

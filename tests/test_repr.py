@@ -63,7 +63,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     time = np.linspace(0.0, 1.0, 50)
     turn = go.Motion(time, np.outer(time, np.ones(7)), arm.joint_names)
     swing = go.Motion(time, np.outer(time - time**3, np.arange(7) / 7), arm.joint_names)
-    metric_fit = go.fit_metric(go.recordings.Recording(arm, swing.filtered()), segments=[[(0, 49)]])
+    metric_fit = go.fit_metric(go.trajectory.Recording(arm, swing.filtered()), segments=[[(0, 49)]])
     live = go.retargeting.LiveRetargeting(arm, arm, START)
     values = [
         live,
@@ -111,7 +111,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.synergies.score(arm, *2 * [go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names)]),
         go.studies.paired_test([1.0, 2.0, 3.0], [2.0, 2.5, 3.5]),
         go.studies.compare_methods(
-            [go.recordings.Recording(arm, turn.filtered())], {"lines": go.Euclidean(7)}
+            [go.trajectory.Recording(arm, turn.filtered())], {"lines": go.Euclidean(7)}
         ),
         go.synergies.optimal_segmentations(go.Euclidean(7), turn.filtered()),
         go.synergies.spline_knots(go.Euclidean(7), turn.filtered()),
@@ -123,11 +123,11 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.fitting.error_profile(metric_fit, values=[0.02, 0.03]),
         go.fitting.ConfidenceInterval("armature", 0.02, 0.04, 0.95, "recording", 7),
         go.fitting.CrossValidation("recording", ("armature",), ()),
-        go.recordings.Recording(
+        go.trajectory.Recording(
             arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))
         ),
         go.recordings.FitNoise(np.zeros((9, 7, 40))),
-        go.recordings.Column("elbow flexion", -1, "deg", 90.0),
+        go.trajectory.Column("elbow flexion", -1, "deg", 90.0),
         go.fitting.Heterogeneity("armature", 2, 9.0, 0.1, 0.9, ("a", 0.01), ("b", 0.04)),
         go.trajectory.Outlier("spike", "RSx_joint", 0.2, 0.2, 1.0),
         go.synergies.Uncertainty(

@@ -70,7 +70,7 @@ MEASURES = {
 LINES = "straight lines"
 
 
-def read(recordings: list[str]) -> list[go.recordings.Recording]:
+def read(recordings: list[str]) -> list[go.trajectory.Recording]:
     """The given recordings and the bundled one."""
     sources = [*recordings, f"{files('geodesic_ocp') / 'data' / 'climb.csv'}:left"]
     parts = [text.rpartition(":") for text in sources]
@@ -81,7 +81,7 @@ def read(recordings: list[str]) -> list[go.recordings.Recording]:
     ]
 
 
-def draw_scores(figure: Figure, recordings: list[go.recordings.Recording]) -> None:
+def draw_scores(figure: Figure, recordings: list[go.trajectory.Recording]) -> None:
     """Errors of the methods relative to straight lines, a point for each recording."""
     comparison = go.studies.compare_methods(recordings)
     methods = [name for name in comparison.methods if name != LINES]
@@ -99,7 +99,7 @@ def draw_scores(figure: Figure, recordings: list[go.recordings.Recording]) -> No
     panels[0].set_yticks(places, [textwrap.fill(name, 24) for name in methods])
 
 
-def draw_inertia(figure: Figure, recordings: list[go.recordings.Recording]) -> None:
+def draw_inertia(figure: Figure, recordings: list[go.trajectory.Recording]) -> None:
     """Errors of geodesics relative to straight lines by joint inertia, a line a recording."""
     default = 0.03
     shares = (default, 0.0, 0.003, 0.006, 0.012, 0.06, 0.12, 0.25, 0.5)  # the first cuts

@@ -22,9 +22,9 @@ from geodesic_ocp.cli import analyse as analyse_command
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.model.formats import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS
-from geodesic_ocp.recordings.read_recording import BUNDLED
 from geodesic_ocp.studies import analyse_recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.trajectory.bundled_recording import BUNDLED
 
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
 
@@ -529,7 +529,7 @@ def test_both_arms_of_a_recording(
     shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = go.read_motion(shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml")
-    file = go.recordings.save_motion(tmp_path / "reach.csv", whole.part(60, 149))
+    file = go.trajectory.save_motion(tmp_path / "reach.csv", whole.part(60, 149))
     arguments = ["retarget", str(file), "--side", "both", "--deviation", "0.1", "--no-limits"]
     code = cli.main([*arguments, "--robot", "xarm7", "--robot", "panda"])
     printed = capsys.readouterr()

@@ -17,9 +17,9 @@ from small_retargeting import small_analysis, small_retargeting
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli import show as show_command
+from geodesic_ocp.drawing.meshes import meshes
 from geodesic_ocp.drawing.scene import Playback
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.synergies.synergy import read_saved_synergies, save_synergies
 from geodesic_ocp.tables import save_tables
 

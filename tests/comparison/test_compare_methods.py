@@ -29,7 +29,7 @@ def rods() -> go.Model:
 
 
 @pytest.fixture(scope="module")
-def recordings(rods: go.Model) -> list[go.recordings.Recording]:
+def recordings(rods: go.Model) -> list[go.trajectory.Recording]:
     """Two persons move along geodesics of the kinetic energy, with a cubic time law."""
     metric = go.KineticEnergy(rods)
     starts = [((0.2, 0.9), (1.0, 0.9)), ((0.4, 1.4), (-0.9, -0.8)), ((-0.3, 0.8), (1.2, -0.4))]
@@ -39,12 +39,12 @@ def recordings(rods: go.Model) -> list[go.recordings.Recording]:
         rate = 1.0 + 0.6 * TIME - 0.6 * TIME**2
         path, slopes = sample_geodesic(metric, np.array(q), np.array(v), fraction, tolerance=1e-12)
         motion = go.Motion(TIME, path, rods.joint_names, slopes * rate[:, None])
-        found.append(go.recordings.Recording(rods, motion, f"reach {index}", "ab"[index // 2]))
+        found.append(go.trajectory.Recording(rods, motion, f"reach {index}", "ab"[index // 2]))
     return found
 
 
 @pytest.fixture(scope="module")
-def comparison(recordings: list[go.recordings.Recording]) -> go.studies.MethodComparison:
+def comparison(recordings: list[go.trajectory.Recording]) -> go.studies.MethodComparison:
     return go.studies.compare_methods(recordings, metrics())
 
 
@@ -82,7 +82,7 @@ def test_a_higher_correlation_wins(comparison: go.studies.MethodComparison) -> N
 
 def test_scores_are_those_of_the_methods(
     comparison: go.studies.MethodComparison,
-    recordings: list[go.recordings.Recording],
+    recordings: list[go.trajectory.Recording],
     rods: go.Model,
 ) -> None:
     motion = recordings[1].motion
@@ -95,7 +95,7 @@ def test_scores_are_those_of_the_methods(
 
 @pytest.mark.slow
 def test_the_first_metric_cuts_unless_segments_are_given(
-    recordings: list[go.recordings.Recording],
+    recordings: list[go.trajectory.Recording],
 ) -> None:
     lines = {LINES: lambda model: go.Euclidean(model.dof)}
     cut = go.studies.compare_methods(
@@ -131,11 +131,11 @@ def test_tables(comparison: go.studies.MethodComparison) -> None:
 
 
 def test_a_method_that_fails_is_left_out(
-    recordings: list[go.recordings.Recording], rods: go.Model
+    recordings: list[go.trajectory.Recording], rods: go.Model
 ) -> None:
     """Of the means on all methods, and of its tests, which say so."""
     other = planar_arm((1.0, 1.0), (1.0, 2.0), (0.5, 0.5), (0.1, 0.1))
-    renamed = go.recordings.Recording(other, recordings[2].motion, "reach 2", "b")
+    renamed = go.trajectory.Recording(other, recordings[2].motion, "reach 2", "b")
 
     def fails(model: go.Model) -> go.Metric:
         if model is other:
@@ -162,7 +162,7 @@ def test_a_method_that_fails_is_left_out(
 
 
 @pytest.mark.slow
-def test_one_recording_needs_no_list(recordings: list[go.recordings.Recording]) -> None:
+def test_one_recording_needs_no_list(recordings: list[go.trajectory.Recording]) -> None:
     alone, listed = (
         go.studies.compare_methods(given, metrics()) for given in (recordings[0], recordings[:1])
     )
@@ -171,7 +171,7 @@ def test_one_recording_needs_no_list(recordings: list[go.recordings.Recording]) 
 
 
 @pytest.mark.slow
-def test_default_metrics(recordings: list[go.recordings.Recording], arm: go.Model) -> None:
+def test_default_metrics(recordings: list[go.trajectory.Recording], arm: go.Model) -> None:
     """The control of the distal joints is known of human arms alone."""
     of_rods = go.studies.compare_methods(recordings[:1])
     assert of_rods.methods[:3] == ("kinetic energy with joint inertia", "kinetic energy", LINES)
@@ -179,7 +179,7 @@ def test_default_metrics(recordings: list[go.recordings.Recording], arm: go.Mode
     motion = go.Motion(TIME, q, arm.joint_names).filtered()
     seen: list[tuple[int, int]] = []
     of_arm = go.studies.compare_methods(
-        [go.recordings.Recording(arm, motion)],
+        [go.trajectory.Recording(arm, motion)],
         progress=lambda label, done, total: seen.append((done, total)),
     )
     assert len(of_arm.methods) == 10
@@ -189,7 +189,7 @@ def test_default_metrics(recordings: list[go.recordings.Recording], arm: go.Mode
 
 
 def test_bad_arguments_are_named(
-    recordings: list[go.recordings.Recording], comparison: go.studies.MethodComparison
+    recordings: list[go.trajectory.Recording], comparison: go.studies.MethodComparison
 ) -> None:
     motion: Any = recordings[0].motion
     for wrong in ([], [motion], motion):
@@ -210,7 +210,7 @@ def test_bad_arguments_are_named(
     with pytest.raises(ValueError, match="segments must be given for each of 3 recordings, got 1"):
         go.studies.compare_methods(recordings, metrics(), segments=[[(0, 60)]])
     still = go.Motion(TIME, np.ones((61, 2)), ("joint1", "joint2"), np.zeros((61, 2)))
-    resting = go.recordings.Recording(recordings[0].model, still, "a rest")
+    resting = go.trajectory.Recording(recordings[0].model, still, "a rest")
     with pytest.raises(ValueError, match="a rest: the motion never moves"):
         go.studies.compare_methods([*recordings, resting], metrics())
     with pytest.raises(ValueError, match=r"score must be one of joint_mean, .*, got 'speed'"):
@@ -226,7 +226,7 @@ EFFORTS = ("least torque", "least torque change", "least work", "least work and 
 
 @pytest.mark.slow
 def test_motions_of_least_effort_are_computed_on_request(
-    comparison: go.studies.MethodComparison, recordings: list[go.recordings.Recording]
+    comparison: go.studies.MethodComparison, recordings: list[go.trajectory.Recording]
 ) -> None:
     """In a flat metric, least torque is minimum acceleration."""
     assert not set(EFFORTS) & set(comparison.methods)
@@ -248,7 +248,7 @@ def test_motions_of_least_effort_are_computed_on_request(
 
 @pytest.mark.slow
 def test_geodesics_need_the_fewest_numbers_where_people_move_along_them(
-    recordings: list[go.recordings.Recording],
+    recordings: list[go.trajectory.Recording],
 ) -> None:
     found = go.studies.compare_at_equal_numbers(
         recordings[:2], go.KineticEnergy, numbers=(7.0, 12.0), spacing=0.25

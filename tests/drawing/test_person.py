@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import Actor, model_actor, rest_of_person
+from geodesic_ocp.drawing.meshes import meshes
 from geodesic_ocp.model.anthropometry import Sex
-from geodesic_ocp.model.meshes import meshes
 
 
 def points(actor: Actor, *links: str) -> Array:

@@ -16,6 +16,7 @@ from PIL import Image, ImageSequence
 
 from geodesic_ocp.drawing import save_video as writers
 from geodesic_ocp.drawing.actors import Actor
+from geodesic_ocp.drawing.look import Mesh
 from geodesic_ocp.drawing.panels import layout
 from geodesic_ocp.drawing.raster import nearest_fragments
 from geodesic_ocp.drawing.save_video import save_video
@@ -33,7 +34,6 @@ from geodesic_ocp.drawing.scene import (
     Span,
     Trail,
 )
-from geodesic_ocp.model.look import Mesh
 
 CORNERS = np.array(np.meshgrid([-0.1, 0.1], [-0.1, 0.1], [-0.1, 0.1])).reshape(3, -1).T
 # Of the cube, counter-clockwise seen from outside.

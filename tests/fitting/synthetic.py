@@ -27,7 +27,7 @@ def synthetic_recording(
     name: str = "synthetic",
     subject: str = "",
     curve: str = "geodesic",
-) -> tuple[go.recordings.Recording, list[tuple[int, int]]]:
+) -> tuple[go.trajectory.Recording, list[tuple[int, int]]]:
     """A sequence of geodesics, each with a smooth progress, or of cubics, and its segments.
 
     Args:
@@ -65,7 +65,7 @@ def synthetic_recording(
     time = np.arange(len(coordinates)) / RATE
     motion = go.Motion(time, coordinates, model.joint_names, np.vstack(velocity))
     segments = [(steps * k, steps * (k + 1)) for k in range(count)]
-    return go.recordings.Recording(model, motion, name, subject), segments
+    return go.trajectory.Recording(model, motion, name, subject), segments
 
 
 def optimal_recording(
@@ -77,7 +77,7 @@ def optimal_recording(
     count: int = 20,
     noise: float = 0.0,
     degree: int = 12,
-) -> tuple[go.recordings.Recording, list[tuple[int, int]]]:
+) -> tuple[go.trajectory.Recording, list[tuple[int, int]]]:
     """Motions of least running cost between random configurations and velocities, and segments."""
     rough, segments = synthetic_recording(metric, model, rng, count=count, curve="cubic")
     theta = ca.SX.sym("theta", len(weights))
@@ -98,7 +98,7 @@ def optimal_recording(
             target[start : stop + 1] = values / duration**order
     q += noise * rng.normal(size=q.shape)
     motion = go.Motion(rough.motion.time, q, model.joint_names, velocity)
-    return go.recordings.Recording(model, motion), segments
+    return go.trajectory.Recording(model, motion), segments
 
 
 def fitted(*recordings: Any, **options: Any) -> go.fitting.MetricFit:

@@ -80,7 +80,7 @@ def test_weights_of_a_motion_problem(planar: go.Model) -> None:
         motion = go.solve(Mixture(metric, ends))
         t = np.linspace(0.0, motion.duration, stop - start + 1)
         q[start : stop + 1], v[start : stop + 1] = motion(t), motion(t, 1)
-    recording = go.recordings.Recording(
+    recording = go.trajectory.Recording(
         planar, go.Motion(rough.motion.time, q, planar.joint_names, v)
     )
     fit = go.fitting.fit_cost(

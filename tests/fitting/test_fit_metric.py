@@ -87,7 +87,7 @@ def test_standard_errors_agree_with_repeated_experiments(
         motion = go.Motion(
             clean.motion.time, clean.motion.q + noise, arm.joint_names, clean.motion.velocity
         )
-        fits.append(fitted((go.recordings.Recording(arm, motion), segments), free_ends=True))
+        fits.append(fitted((go.trajectory.Recording(arm, motion), segments), free_ends=True))
     spread = np.std([fit.values["joint_inertia"] for fit in fits], ddof=1)
     stated = np.mean([fit.estimates[0].standard_error for fit in fits])
     # The standard deviation of ten numbers is uncertain by a quarter.
@@ -369,7 +369,7 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
         go.fit_metric(recording, metric=lambda model: go.Euclidean(7))
     still = go.Motion(recording.motion.time, 0.0 * recording.motion.q, arm.joint_names)
     with pytest.raises(ValueError, match=r"none of its"):
-        go.fit_metric(go.recordings.Recording(arm, still.filtered(21)), segments=[segments])
+        go.fit_metric(go.trajectory.Recording(arm, still.filtered(21)), segments=[segments])
 
 
 @pytest.mark.slow

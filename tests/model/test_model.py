@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.meshes import meshes
+from geodesic_ocp.drawing.meshes import meshes
 
 
 def test_model_keeps_a_copy(arm: go.Model) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.series import Gaps
+from geodesic_ocp.trajectory.files.series import Gaps
 
 JOINTS = ("RSx_joint", "REx_joint")
 TIME = np.arange(301) / 100.0
@@ -152,8 +152,8 @@ def test_angles_between_0_and_360_degrees_are_asked_about(tmp_path: Path) -> Non
         go.RecordingError, match=r"between 0 and 360 deg.* offset of -360 in columns"
     ):
         go.read_recording(file)
-    columns = {name: go.recordings.Column(name) for name in arm.joint_names}
-    columns["RSy_joint"] = go.recordings.Column("RSy_joint", offset=-360.0)
+    columns = {name: go.trajectory.Column(name) for name in arm.joint_names}
+    columns["RSy_joint"] = go.trajectory.Column("RSy_joint", offset=-360.0)
     motion = go.read_recording(file, columns=columns, unfiltered=True).motion
     assert motion.q == pytest.approx(q)
 

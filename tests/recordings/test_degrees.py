@@ -10,7 +10,7 @@ import pytest
 from small_recordings import small_recordings
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.recording import check_plausible, check_radians
+from geodesic_ocp.trajectory.recording import check_plausible, check_radians
 
 TIME = np.arange(50) / 100.0
 

@@ -10,7 +10,7 @@ import pytest
 from small_recordings import c3d
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.series import Gaps
+from geodesic_ocp.trajectory.files.series import Gaps
 
 TIME = np.arange(150) / 100.0  # [s]
 ARM = go.human_arm()

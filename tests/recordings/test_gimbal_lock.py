@@ -9,7 +9,7 @@ import pytest
 import scipy
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.recording import warn_of_gimbal_lock
+from geodesic_ocp.trajectory.recording import warn_of_gimbal_lock
 
 TIME = np.arange(51) / 50.0
 

@@ -150,7 +150,7 @@ def write_people(folder: Path, exponent: float, sizes: dict[tuple[float, float],
             motion = synthetic_recording(metric, arm, rng, count=4, noise=0.003)[0].motion
             file = folder / f"P{k}" / f"{trial}.csv"
             file.parent.mkdir(parents=True, exist_ok=True)
-            go.recordings.save_motion(file, go.Motion(motion.time, motion.q, arm.joint_names))
+            go.trajectory.save_motion(file, go.Motion(motion.time, motion.q, arm.joint_names))
             lines.append(f"P{k}/{trial}.csv,P{k},{height},{mass}")
     table = folder.parent / f"{folder.name}.csv"
     table.write_text("\n".join(lines) + "\n")

@@ -26,15 +26,8 @@ from geodesic_ocp.drawing.styles import in_degrees
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, Sides
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.formats.angle_tables import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
-from geodesic_ocp.recordings.read_recording import BUNDLED, read_motion, stature_of
-from geodesic_ocp.recordings.recording import (
-    PASSIVE,
-    PASSIVE_REASON,
-    Recording,
-    range_of_motion,
-)
+from geodesic_ocp.recordings.read_recording import read_motion, stature_of
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
@@ -44,6 +37,14 @@ from geodesic_ocp.studies.result_files import RecordingOutcome, mean_errors
 from geodesic_ocp.studies.study_tables import PARQUET_HINT, has_parquet
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.tables import markdown, text
+from geodesic_ocp.trajectory.bundled_recording import BUNDLED
+from geodesic_ocp.trajectory.files.angle_tables import save_motion
+from geodesic_ocp.trajectory.recording import (
+    PASSIVE,
+    PASSIVE_REASON,
+    Recording,
+    range_of_motion,
+)
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -32,12 +32,12 @@ from geodesic_ocp.fitting.resampling import leave_one_out as predicted
 from geodesic_ocp.fitting.segment_terms import Measure
 from geodesic_ocp.model.anthropometry import Sides
 from geodesic_ocp.recordings.read_recordings import read_recordings
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.tables import new_table, save_tables, text
+from geodesic_ocp.trajectory.recording import Recording
 
 if TYPE_CHECKING:
     from pandas import DataFrame

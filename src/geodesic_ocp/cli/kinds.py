@@ -10,7 +10,6 @@ from typing import Literal, TypeAlias
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.ocp.solution import FORMAT as SOLUTION
-from geodesic_ocp.recordings.formats.mmm import xml_root
 from geodesic_ocp.recordings.formats.recognise import recognise
 from geodesic_ocp.records import parse_json
 from geodesic_ocp.retargeting.arm_alignment import FORMAT as ALIGNMENT
@@ -18,6 +17,7 @@ from geodesic_ocp.studies.result_files import FORMAT as RESULT
 from geodesic_ocp.studies.result_files import RESULTS
 from geodesic_ocp.studies.result_files import SYNERGIES as SYNERGIES_OF_ONE
 from geodesic_ocp.synergies.synergy import FORMAT as SYNERGIES
+from geodesic_ocp.trajectory.files.mmm import xml_root
 
 Kind: TypeAlias = Literal[
     "recording",

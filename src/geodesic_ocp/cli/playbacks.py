@@ -47,7 +47,6 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.load_solution import load_solution
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.recordings.read_recording import read_markers, read_recording
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.arm_alignment import check_joints, read_alignment
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
@@ -57,6 +56,7 @@ from geodesic_ocp.synergies.synergy import SavedSynergies, read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
+from geodesic_ocp.trajectory.recording import Recording
 
 _ROBOTS = Parameter(group="Robots, trajectories, alignments and solutions", show_default=False)
 _Found: TypeAlias = tuple[Path | str, Kind]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.drawing.look import Indices, Mesh
+from geodesic_ocp.drawing.meshes import meshes, person_beside
 from geodesic_ocp.drawing.styles import Role
-from geodesic_ocp.model.look import Indices, Mesh
-from geodesic_ocp.model.meshes import meshes, person_beside
 from geodesic_ocp.model.model import Model
 
 _DIRECTIONS = 220  # in which extreme points are looked for

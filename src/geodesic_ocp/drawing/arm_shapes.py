@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.drawing.actors import Actor, extreme_points, model_actor, rest_of_person
 from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.look import Colour, Indices
 from geodesic_ocp.drawing.raster import outlines
 from geodesic_ocp.drawing.styles import NEUTRAL, ROLES, mixed
 from geodesic_ocp.model.anthropometry import person_arms
 from geodesic_ocp.model.distances import NearestPoints, nearest_points
-from geodesic_ocp.model.look import Colour, Indices
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import HalfSpace, Obstacle, core_points
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import model_actor, rest_of_person
+from geodesic_ocp.drawing.look import Indices
 from geodesic_ocp.drawing.scene import Curve, FrameTrack, Plot, Scene, Trail
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import mobility_ellipsoids
-from geodesic_ocp.model.look import Indices
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.synergies.scores import hand_speeds
 from geodesic_ocp.trajectory.motion import Motion

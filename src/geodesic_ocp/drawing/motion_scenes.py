@@ -141,7 +141,7 @@ def motion_playback(
     more than 200 samples per second or 12000 altogether every n-th is shown, which the note of the
     scene says.
 
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> motion_playback(recording.motion, recording.model).scenes[0].trails[0]
     Trail(name='hand', points=<840 x 3 entries>)
 

@@ -18,12 +18,12 @@ from scipy.spatial.transform import Rotation
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import Actor
 from geodesic_ocp.drawing.camera import first_view
+from geodesic_ocp.drawing.look import Mesh
 from geodesic_ocp.drawing.panes import TINT
 from geodesic_ocp.drawing.plots import curve_styles, draw_plot
 from geodesic_ocp.drawing.rendering import creased
 from geodesic_ocp.drawing.scene import PARAMETER, Playback, Plot, Scene, Trail, plain_text
 from geodesic_ocp.drawing.styles import NEUTRAL, ROLES, SURROUNDINGS, mixed
-from geodesic_ocp.model.look import Mesh
 
 _SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "keys.js", "plots.js", "page.js")
 # Whatever the body says, the page loads nothing from anywhere, and runs its own scripts alone.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.look import Indices
 from geodesic_ocp.drawing.rendering import (
     Part,
     Pixels,
@@ -32,7 +33,6 @@ from geodesic_ocp.drawing.rendering import (
 )
 from geodesic_ocp.drawing.scene import Scene, Trail
 from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed
-from geodesic_ocp.model.look import Indices
 
 # opacities
 _OVERLAY = 0.40

@@ -39,7 +39,6 @@ from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.synergies.analyse import Analysis
@@ -47,6 +46,7 @@ from geodesic_ocp.synergies.synergy import Reconstruction, Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
+from geodesic_ocp.trajectory.recording import Recording
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 _Group: TypeAlias = tuple[str, tuple[Any, ...]]  # a title, and a result with what belongs to it

@@ -11,6 +11,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import model_actor, rest_of_person
 from geodesic_ocp.drawing.analysis_figure import errors_over_time, widest_columns, widest_of_thirds
+from geodesic_ocp.drawing.look import Indices
 from geodesic_ocp.drawing.model_scene import (
     POSITIONS,
     hand_frames,
@@ -37,7 +38,6 @@ from geodesic_ocp.drawing.scene import (
 )
 from geodesic_ocp.drawing.styles import Role
 from geodesic_ocp.drawing.surroundings import carried, mobility_ellipsoids
-from geodesic_ocp.model.look import Indices
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit

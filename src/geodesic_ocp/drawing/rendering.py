@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.look import Colour
 from geodesic_ocp.drawing.raster import Fragments, nearest_fragments
-from geodesic_ocp.model.look import Colour
 
 Single = NDArray[np.float32]
 Pixels = NDArray[np.uint8]

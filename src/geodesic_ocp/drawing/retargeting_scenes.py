@@ -12,6 +12,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import is_drawn_by, model_actor, rest_of_person
 from geodesic_ocp.drawing.analysis_figure import widest_of_thirds
+from geodesic_ocp.drawing.look import Indices
 from geodesic_ocp.drawing.model_scene import (
     HAND_SPEED,
     hand_frames,
@@ -40,7 +41,6 @@ from geodesic_ocp.drawing.surroundings import (
 from geodesic_ocp.model.anthropometry import trunk
 from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.human import DEFAULT_HEIGHT, stature
-from geodesic_ocp.model.look import Indices
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup

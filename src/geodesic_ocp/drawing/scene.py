@@ -11,8 +11,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.drawing.actors import Actor, extreme_points
+from geodesic_ocp.drawing.look import Indices
 from geodesic_ocp.drawing.styles import Role
-from geodesic_ocp.model.look import Indices
 
 _UNKNOWN = "\N{REPLACEMENT CHARACTER}"
 

@@ -123,7 +123,7 @@ def new_figure(width: float, height: float) -> Figure:
 def in_degrees(shown: Any) -> Any:
     """Return a table or a figure with its angles in degrees instead of radians.
 
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> go.drawing.in_degrees(analysis.table()).columns[1]
     'joints [deg]'

@@ -12,12 +12,12 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_expression, evaluate
 from geodesic_ocp.drawing.actors import Actor, model_actor
+from geodesic_ocp.drawing.look import Surface, body_mesh, box, moved
 from geodesic_ocp.drawing.scene import EllipsoidTrack, Gap, Scene, Solid
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.distances import has_symbols, nearest_points
 from geodesic_ocp.model.link_geometry import turn_to
-from geodesic_ocp.model.look import Surface, body_mesh, box, moved
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.model.primitives import HalfSpace, Obstacle
 

@@ -222,7 +222,7 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
     figure below.
 
     >>> import tempfile
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion.part(270, 429))
     >>> result = go.retarget(analysis, go.human_arm("left", height=1.95), tolerance=1e-3)
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -21,10 +21,10 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.uncertainty import Cutting
 from geodesic_ocp.tables import markdown, new_table
+from geodesic_ocp.trajectory.recording import Recording
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -138,7 +138,7 @@ def fit_cost(
     Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 11). Where errors are far larger
     than noise, or weights are zero, the intervals of `bootstrap_cost` say more.
 
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> fit = go.fitting.fit_cost(recording, ["energy", "jerk"], degree=6)
     >>> fit.weights.round(2).tolist()
     [0.95, 0.05]
@@ -209,9 +209,9 @@ def bootstrap_cost(
 
     Every resample is fitted exactly, from the estimate.
 
-    >>> whole = go.recordings.bundled_recording()
+    >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
-    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
+    >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
     >>> segments = [[(0, 79)]] * 3
     >>> fit = go.fitting.fit_cost(recordings, ["energy", "jerk"], segments=segments, degree=6)
     >>> energy, jerk = go.fitting.bootstrap_cost(fit, 20)

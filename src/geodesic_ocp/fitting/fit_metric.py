@@ -20,11 +20,11 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.uncertainty import Cutting
 from geodesic_ocp.trajectory.motion import bandwidth
+from geodesic_ocp.trajectory.recording import Recording
 
 _AT_BOUND = 1e-4  # distance from a bound, relative to the initial or the largest value
 _UNITS = {"armature": "kg m^2", "payload": "kg", "joint_inertia": "m r^2"}
@@ -63,7 +63,7 @@ def fit_metric(
     >>> path, u = go.geodesic(metric, q0, q1), np.linspace(0.0, 1.0, 51)  # 1 s at 50 Hz
     >>> s, rate = 3 * u**2 - 2 * u**3, 6 * u - 6 * u**2
     >>> motion = go.Motion(u, path(s), arm.joint_names, rate[:, None] * path(s, 1))
-    >>> fit = go.fit_metric(go.recordings.Recording(arm, motion), segments=[[(0, 50)]])
+    >>> fit = go.fit_metric(go.trajectory.Recording(arm, motion), segments=[[(0, 50)]])
     >>> round(fit.values["joint_inertia"], 4)
     0.05
 

@@ -18,10 +18,10 @@ from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import convert, decoding, read_record, write_record
 from geodesic_ocp.synergies.segment_costs import Curve
 from geodesic_ocp.tables import markdown, new_table
+from geodesic_ocp.trajectory.recording import Recording
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -172,7 +172,7 @@ def save_metric(
 
     >>> import tempfile
     >>> from pathlib import Path
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> fit = go.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
@@ -259,7 +259,7 @@ def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEne
     """Return the metric of a model with the parameters in a JSON file (`save_metric`).
 
     >>> import tempfile
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> fit = go.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)

@@ -20,10 +20,10 @@ from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.synergies.segment_costs import Pair
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.synergies.uncertainty import Cutting
+from geodesic_ocp.trajectory.recording import Recording, as_recordings
 
 # Shorter or smaller motions do not determine the shape of a path.
 _MIN_SAMPLES = 4  # [rad or m]

@@ -17,12 +17,12 @@ from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.second_order import riemannian_cubics
 from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.recording import Recording
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -41,9 +41,9 @@ def separate_fits(
 
     By the name of the recording or the subject.
 
-    >>> whole = go.recordings.bundled_recording()
+    >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
-    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
+    >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
     >>> separate = go.fitting.separate_fits(fit)
     >>> [round(each.values["joint_inertia"], 2) for each in separate.values()]
@@ -95,9 +95,9 @@ class Heterogeneity:
 def heterogeneity(fits: Mapping[str, MetricFit]) -> tuple[Heterogeneity, ...]:
     """Return for every parameter whether separate fits (`separate_fits`) disagree.
 
-    >>> whole = go.recordings.bundled_recording()
+    >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
-    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
+    >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
     >>> (found,) = go.fitting.heterogeneity(go.fitting.separate_fits(fit))
     >>> found.count, round(found.q, 1), round(found.p, 2)
@@ -223,9 +223,9 @@ def leave_one_out(
     Errors are those of `evaluate` on all segments of the recording, of the predictions of the fit
     and of those in a constant metric: straight lines, or minimum acceleration.
 
-    >>> whole = go.recordings.bundled_recording()
+    >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
-    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
+    >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
     >>> validation = go.fitting.leave_one_out(fit)
     >>> [round(each.errors.joint, 3) for each in validation.left_out]
@@ -290,9 +290,9 @@ def bootstrap_fit(
     With several, the estimate moves by one Newton step in the parameters' logarithms, from the
     exact derivatives of the recordings' least errors at the solution.
 
-    >>> whole = go.recordings.bundled_recording()
+    >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
-    >>> recordings = [go.recordings.Recording(whole.model, part) for part in parts]
+    >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
     >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
     >>> (interval,) = go.fitting.bootstrap_fit(fit, 20)
     >>> interval.name, interval.count, round(interval.high, 3)

@@ -92,6 +92,18 @@ def frame_index(model: pin.Model, name: str) -> int:
     return (bodies or named)[-1]
 
 
+def pose_at_zero(model: pin.Model, frame: str) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) [m] of a frame at q = 0.
+
+    Numbers of Pinocchio come far faster than those of a symbolic pose.
+    """
+    data = model.createData()
+    index = frame_index(model, frame)
+    pin.forwardKinematics(model, data, np.zeros(model.nv))
+    place = pin.updateFramePlacement(model, data, index)
+    return np.array(place.rotation), np.array(place.translation)
+
+
 def link_of(model: pin.Model, index: int) -> str:
     """Return name of the link at the joint, or of the joint if the link has none."""
     for frame in model.frames:

@@ -5,15 +5,11 @@ from .conventions.osim_convention import OsimConvention as OsimConvention
 from .conventions.segment_orientations import SegmentOrientations as SegmentOrientations
 from .conventions.segment_orientations import joint_angles as joint_angles
 from .conventions.skeleton_convention import SkeletonConvention as SkeletonConvention
-from .formats.angle_tables import Column as Column
-from .formats.angle_tables import save_motion as save_motion
 from .markers.fit_markers import fit_markers as fit_markers
 from .markers.fit_uncertainty import FitNoise as FitNoise
 from .markers.marker_fit import LostMarker as LostMarker
 from .markers.marker_fit import MarkerFit as MarkerFit
 from .markers.marker_set import MarkerSet as MarkerSet
 from .markers.markers import Markers as Markers
-from .read_recording import bundled_recording as bundled_recording
 from .read_recording import read_markers as read_markers
 from .read_recordings import read_recordings as read_recordings
-from .recording import Recording as Recording

@@ -23,10 +23,7 @@ from geodesic_ocp.model.human import (
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.conventions.segment_orientations import joint_angles
-from geodesic_ocp.recordings.formats.angle_tables import noted_doubts
 from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
-from geodesic_ocp.recordings.formats.series import Gaps, without_gaps
-from geodesic_ocp.recordings.formats.text_lines import named_failures
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import (
@@ -38,17 +35,16 @@ from geodesic_ocp.recordings.markers.markers import (
     without_gap_numbers,
 )
 from geodesic_ocp.recordings.markers.people import of_person
-from geodesic_ocp.recordings.recording import (
-    Recording,
-    ask_about_limits,
-    check_before_unwrapping,
-    check_plausible,
-    check_radians,
-    warn_of_gimbal_lock,
-    within_limits,
-)
 from geodesic_ocp.records import naming
+from geodesic_ocp.trajectory.files.angle_tables import noted_doubts
+from geodesic_ocp.trajectory.files.series import Gaps, without_gaps
+from geodesic_ocp.trajectory.files.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import Motion, Subject
+from geodesic_ocp.trajectory.recording import (
+    Recording,
+    check_radians,
+    prepared,
+)
 
 
 def read_markers(
@@ -296,34 +292,18 @@ def read_recording(
         has_trunk = "BPx_joint" in motion.joint_names
         arm = _arm_of(motion.subject, file, side, height, mass, armature, has_trunk)
     with named_failures(file):
-        motion = motion.select(arm.joint_names)
-        check_before_unwrapping(arm, motion)
-        motion = within_limits(arm, motion.without_outliers())
-        check_plausible(arm, motion)
-        ask_about_limits(arm, motion, str(file))
-        warn_of_gimbal_lock(motion, str(file))
-        if resample is not None:
-            motion = motion.resampled(resample)
-        if unfiltered:
-            motion = replace(motion, velocity=motion(motion.time, 1))  # of a cubic spline
-        else:
-            motion = motion.filtered(cutoff=cutoff, duration=duration)
+        motion = prepared(
+            arm,
+            motion,
+            str(file),
+            resample=resample,
+            cutoff=cutoff,
+            duration=duration,
+            unfiltered=unfiltered,
+        )
     name = file.stem if part is None else f"{file.stem}, part {part}"
     name = name if person is None else f"{name}, {person}"
     return Recording(arm, motion, f"{name}, {side}", motion.subject.name, fit)
-
-
-BUNDLED = Path(__file__).resolve().parents[1] / "data" / "climb.csv"
-
-
-def bundled_recording() -> Recording:
-    """Return the recording that comes with the package: the left arm of a person who climbs onto a
-    box (motion capture, 7 s).
-
-    >>> go.recordings.bundled_recording().name
-    'climb, left'
-    """
-    return read_recording(BUNDLED, "left")
 
 
 def _motion_of(file: Path, side: Sides, stated: dict[str, Any]) -> Motion:

@@ -14,8 +14,6 @@ import numpy as np
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.formats.series import Gaps
-from geodesic_ocp.recordings.formats.text_lines import unless_stated
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis
 from geodesic_ocp.recordings.read_recording import (
@@ -24,8 +22,10 @@ from geodesic_ocp.recordings.read_recording import (
     read_recording,
     that_apply,
 )
-from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.trajectory.files.series import Gaps
+from geodesic_ocp.trajectory.files.text_lines import unless_stated
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.recording import Recording
 
 #: Ends of the names of recordings, by which a folder is searched.
 SUFFIXES = (".xml", ".csv", ".amc", ".bvh", ".mot", ".sto", ".trc", ".c3d", ".npz", ".mvnx", ".tsv")

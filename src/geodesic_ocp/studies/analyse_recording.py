@@ -22,9 +22,7 @@ from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.anthropometry import Sides
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.recordings.formats.text_lines import unless_stated
 from geodesic_ocp.recordings.read_recording import read_recording, that_apply
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import replacing, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.joint_inertias import profile_rows
@@ -43,7 +41,9 @@ from geodesic_ocp.studies.sources import RecordingSource, person_row, stature
 from geodesic_ocp.studies.study_tables import Row, recording_rows, synergy_rows
 from geodesic_ocp.synergies.analyse import Analysis, analyse
 from geodesic_ocp.synergies.synergy import save_synergies
+from geodesic_ocp.trajectory.files.text_lines import unless_stated
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.recording import Recording
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.studies.paired_test import PairedTest, paired_test
 from geodesic_ocp.synergies.baselines import distal_inertia, distal_joints
@@ -26,6 +25,7 @@ from geodesic_ocp.synergies.segment_developed import segment_developed
 from geodesic_ocp.synergies.synergy import as_segments, reconstruct
 from geodesic_ocp.synergies.uncertainty import Cutting
 from geodesic_ocp.tables import markdown, new_table
+from geodesic_ocp.trajectory.recording import Recording, as_recordings
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -343,7 +343,7 @@ def compare_metrics(
     (`optimal_segmentations`). The errors in the other two measures are those of the same cuts.
     Rules that find a number of segments by themselves add one point for each metric.
 
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> part = recording.motion.part(0, 89)
     >>> metrics = {"straight lines": go.Euclidean(7)}
     >>> comparison = go.studies.compare_metrics(

@@ -12,7 +12,6 @@ from geodesic_ocp.arrays import Array, ShortRepr, real_array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy, with_joint_inertia
 from geodesic_ocp.progress import Progress, shows_progress
-from geodesic_ocp.recordings.recording import Recording, as_recordings
 from geodesic_ocp.studies.compare_metrics import MetricOrFunction, metric_of
 from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
@@ -21,6 +20,7 @@ from geodesic_ocp.synergies.optimal_segmentations import (
 from geodesic_ocp.synergies.segment_costs import Curve, Measure
 from geodesic_ocp.synergies.spline_knots import SplineKnots, spline_knots
 from geodesic_ocp.tables import markdown
+from geodesic_ocp.trajectory.recording import Recording, as_recordings
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -96,8 +96,8 @@ def compare_at_equal_numbers(
     and 2 n more for both end velocities; their knots are good, not the best (`spline_knots`),
     and known for the joints alone. The times of cuts and knots are not counted.
 
-    >>> whole = go.recordings.bundled_recording()
-    >>> recording = go.recordings.Recording(whole.model, whole.motion.part(270, 349))
+    >>> whole = go.trajectory.bundled_recording()
+    >>> recording = go.trajectory.Recording(whole.model, whole.motion.part(270, 349))
     >>> equal = go.studies.compare_at_equal_numbers(recording, go.Euclidean(7), numbers=[10])
     >>> equal.methods[:2]
     ('geodesics', 'straight lines')

@@ -20,10 +20,10 @@ from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.resampling import FEWEST, minimizers, resampled
 from geodesic_ocp.manifold.metrics import FRACTION
 from geodesic_ocp.model.inertias import inertia_scale
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.paired_test import holm, student_half
 from geodesic_ocp.studies.study_tables import Row
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.trajectory.recording import Recording
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -20,7 +20,6 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.recording import PASSIVE
 from geodesic_ocp.records import TEMPORARY, read_record, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.sources import RecordingSource, alike, identity, may_be_one
@@ -34,6 +33,7 @@ from geodesic_ocp.studies.study_tables import (
     write_table,
 )
 from geodesic_ocp.tables import markdown, new_table
+from geodesic_ocp.trajectory.recording import PASSIVE
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -17,10 +17,10 @@ from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import as_stature
 from geodesic_ocp.recordings.read_recording import stature_of
 from geodesic_ocp.recordings.read_recordings import recording_files
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.study_tables import Row, entry_of_file, read_file_table
 from geodesic_ocp.trajectory.motion import Subject
+from geodesic_ocp.trajectory.recording import Recording
 
 _FIELD = re.compile(r"\{(\w*)\}|(\*)")
 

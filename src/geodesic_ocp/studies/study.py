@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.recording import PASSIVE, PASSIVE_REASON
 from geodesic_ocp.studies.study_result import (
     StudyResult,
     conditions_of,
@@ -28,6 +27,7 @@ from geodesic_ocp.studies.study_tables import (
     synergy_rows,
 )
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.trajectory.recording import PASSIVE, PASSIVE_REASON
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -56,7 +56,7 @@ def study(
     Recordings of a passive arm, in which no joint moves by more than 20 degrees, are left out and
     counted among the failures, unless all are passive.
 
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> go.study([analysis, analysis], subjects=["A", "B"])
     StudyResult(2 recordings of 2 subjects, 11 methods, 44 synergies)

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.recording import range_of_motion
 from geodesic_ocp.records import replacing
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.uncertainty import Uncertainty
+from geodesic_ocp.trajectory.recording import range_of_motion
 
 if TYPE_CHECKING:
     from pandas import DataFrame

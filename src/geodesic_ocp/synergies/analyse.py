@@ -35,7 +35,6 @@ from geodesic_ocp.manifold.metrics import (
 )
 from geodesic_ocp.model.model import Model, as_model, hand_labels
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.recording import check_plausible, check_units
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, errors_between, motion_errors
@@ -54,6 +53,7 @@ from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
 from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.noise import Noise
+from geodesic_ocp.trajectory.recording import check_plausible, check_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -452,7 +452,7 @@ def analyse(
     A geodesic synergy is a segment of a recorded motion that follows a geodesic (Klein, Jaquier,
     Meixner, Asfour 2022), not a muscle synergy of motor control.
 
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion.part(300, 449))
     >>> analysis.segments
     ((0, 72), (72, 131), (131, 149))

@@ -58,7 +58,7 @@ def segment_optimal(
     error. Where `segment` cuts as the motion unfolds, from its past alone, this function sees all
     of it.
 
-    >>> part = go.recordings.bundled_recording().motion.part(0, 89)
+    >>> part = go.trajectory.bundled_recording().motion.part(0, 89)
     >>> segments = go.synergies.segment_optimal(go.Euclidean(7), part, count=3)
     >>> len(segments), segments[0][0], segments[-1][1]
     (3, 0, 89)

@@ -73,7 +73,7 @@ def spline_knots(
     neighbours, three on either side, has the least error; and so on. The errors are those of the
     whole spline, so that the least possible error for a number of knots is at most this.
 
-    >>> reach = go.recordings.bundled_recording().motion.part(270, 429)
+    >>> reach = go.trajectory.bundled_recording().motion.part(270, 429)
     >>> knots = go.synergies.spline_knots(go.Euclidean(7), reach, spacing=0.2)
     >>> knots.errors.round(3).tolist()
     [0.056, 0.017, 0.009, 0.006, 0.005, 0.004, 0.004]

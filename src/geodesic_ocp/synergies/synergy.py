@@ -95,7 +95,7 @@ def motion_of_synergies(synergies: Sequence[Synergy], rate: float = _RATE) -> Mo
 
     At a cut, where the velocity jumps, the sample is of the synergy that begins.
 
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> predicted = go.synergies.motion_of_synergies(analysis.synergies)
     >>> len(predicted), predicted.time[[0, -1]].round(3).tolist()
@@ -233,7 +233,7 @@ def reconstruct(
     takes the observed duration and end speeds |q'|_G (at most a hundred times the mean speed along
     the path) and never moves backwards. With `Euclidean` the paths are straight lines.
 
-    >>> motion = go.recordings.bundled_recording().motion
+    >>> motion = go.trajectory.bundled_recording().motion
     >>> segments = [(0, 300), (300, len(motion) - 1)]
     >>> result = go.synergies.reconstruct(go.Euclidean(7), motion, segments)
     >>> [round(synergy.length, 2) for synergy in result.synergies]
@@ -372,7 +372,7 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
     """Read synergies that `save_synergies` wrote.
 
     >>> import tempfile
-    >>> recording = go.recordings.bundled_recording()
+    >>> recording = go.trajectory.bundled_recording()
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     files = analysis.save(folder)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.mmm import TRUNK_JOINTS
+from geodesic_ocp.trajectory.files.mmm import TRUNK_JOINTS
 
 TAKE_BOOK = "take_book_from_shelf_right_arm_02"
 POSES = "<RootPosition>1 2 3</RootPosition><RootRotation>0 0 0</RootRotation>"

@@ -27,7 +27,7 @@ from geodesic_ocp.recordings.conventions.segment_orientations import (
     TRUNK,
     SegmentOrientations,
 )
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.trajectory.files.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import FrameMotion
 
 #: Names by which bodies are recognised, in small letters; those of arms follow after a side, as in

@@ -21,8 +21,8 @@ from geodesic_ocp.recordings.conventions.osim_model import (
     OsimJoint,
     OsimModel,
 )
-from geodesic_ocp.recordings.formats.mmm import xml_root
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.trajectory.files.mmm import xml_root
+from geodesic_ocp.trajectory.files.text_lines import named_failures
 
 _BEYOND = 0.01  # of the spline's width
 _METRES = ("", "meters", "meter", "metres", "metre", "m")

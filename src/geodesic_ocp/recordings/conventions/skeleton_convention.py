@@ -9,8 +9,8 @@ from typing import Any
 
 from geodesic_ocp.arrays import as_choice, as_number, as_positive
 from geodesic_ocp.recordings.conventions.segment_orientations import ARM, SEGMENTS, SIDES, TRUNK
-from geodesic_ocp.recordings.formats.text_lines import LENGTHS
 from geodesic_ocp.records import as_stated
+from geodesic_ocp.trajectory.files.text_lines import LENGTHS
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 RESTS = ("zero", "first frame")

@@ -25,7 +25,7 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     SkeletonMotion,
     skeleton_segments,
 )
-from geodesic_ocp.recordings.formats.text_lines import ANGLES, named_failures, numbers, read_lines
+from geodesic_ocp.trajectory.files.text_lines import ANGLES, named_failures, numbers, read_lines
 from geodesic_ocp.trajectory.motion import Subject
 
 _INCH = 0.0254  # [m]

@@ -21,7 +21,7 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     SkeletonMotion,
     skeleton_segments,
 )
-from geodesic_ocp.recordings.formats.text_lines import named_failures, numbers, read_lines
+from geodesic_ocp.trajectory.files.text_lines import named_failures, numbers, read_lines
 
 _CHANNELS = tuple(f"{axis}{what}" for what in ("rotation", "position") for axis in "xyz")
 _DEEPEST = 200  # joints from the root to the end of a limb

@@ -25,9 +25,9 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.text_lines import LENGTHS, named_failures
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.people import distinct_labels
+from geodesic_ocp.trajectory.files.text_lines import LENGTHS, named_failures
 from geodesic_ocp.trajectory.motion import Subject
 
 BLOCK = 512

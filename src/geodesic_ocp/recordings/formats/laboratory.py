@@ -37,17 +37,19 @@ from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
 from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
-from geodesic_ocp.recordings.formats.delimited import (
+from geodesic_ocp.recordings.formats.marker_tables import check_whole
+from geodesic_ocp.recordings.formats.opensim import motion_of_columns
+from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.records import read_structured
+from geodesic_ocp.trajectory.files.delimited import (
     Rows,
     check_names,
-    check_whole,
     compare_count,
     read_rows,
     split_line,
 )
-from geodesic_ocp.recordings.formats.opensim import motion_of_columns
-from geodesic_ocp.recordings.formats.series import Series
-from geodesic_ocp.recordings.formats.text_lines import (
+from geodesic_ocp.trajectory.files.series import Series
+from geodesic_ocp.trajectory.files.text_lines import (
     ANGLES,
     LENGTHS,
     named_failures,
@@ -57,10 +59,8 @@ from geodesic_ocp.recordings.formats.text_lines import (
     stated_rate,
     times_at,
 )
-from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
-from geodesic_ocp.records import read_structured
 from geodesic_ocp.trajectory.motion import Motion, Subject
+from geodesic_ocp.trajectory.recording import ask_about_degrees, check_radians
 
 _BLANK = ' ,;\t"'
 

@@ -29,8 +29,8 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     SkeletonMotion,
     skeleton_segments,
 )
-from geodesic_ocp.recordings.formats.mmm import Texts, xml_root
-from geodesic_ocp.recordings.formats.text_lines import (
+from geodesic_ocp.trajectory.files.mmm import Texts, xml_root
+from geodesic_ocp.trajectory.files.text_lines import (
     SAME_RATE,
     named_failures,
     rate_of,

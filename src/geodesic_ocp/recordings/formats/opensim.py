@@ -33,10 +33,10 @@ from geodesic_ocp.recordings.conventions.segment_orientations import (
     SegmentOrientations,
     joint_angles,
 )
-from geodesic_ocp.recordings.formats.angle_tables import as_columns, mapped, wanted_of
 from geodesic_ocp.recordings.formats.opensim_table import is_translation, read_coordinates
-from geodesic_ocp.recordings.formats.series import Series
-from geodesic_ocp.recordings.formats.text_lines import named_failures
+from geodesic_ocp.trajectory.files.angle_tables import as_columns, mapped, wanted_of
+from geodesic_ocp.trajectory.files.series import Series
+from geodesic_ocp.trajectory.files.text_lines import named_failures
 from geodesic_ocp.trajectory.motion import Motion
 
 

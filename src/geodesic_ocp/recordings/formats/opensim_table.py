@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.delimited import (
+from geodesic_ocp.trajectory.files.delimited import (
     check_names,
     compare_count,
     read_rows,
     split_line,
 )
-from geodesic_ocp.recordings.formats.series import Series
-from geodesic_ocp.recordings.formats.text_lines import (
+from geodesic_ocp.trajectory.files.series import Series
+from geodesic_ocp.trajectory.files.text_lines import (
     named_failures,
     rate_of,
     read_lines,
@@ -31,7 +31,7 @@ from geodesic_ocp.recordings.formats.text_lines import (
     stated_rate,
     times_at,
 )
-from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
+from geodesic_ocp.trajectory.recording import ask_about_degrees, check_radians
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
 _STATE = re.compile(r"/jointset/[^/]+/(?P<coordinate>[^/]+)/(?P<kind>value|speed)$")

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.segment_orientations import JOINTS
 from geodesic_ocp.recordings.formats.laboratory import is_qualisys, is_vicon, motion_bids_kind
-from geodesic_ocp.recordings.formats.text_lines import LENGTHS, is_time
+from geodesic_ocp.trajectory.files.text_lines import LENGTHS, is_time
 
 _HEAD = 1 << 16  # bytes from which a format is told
 
@@ -170,48 +170,53 @@ class Format:
 
     def read(self, file: Path, *args: Any, **kwargs: Any) -> Any:
         """Read a file of this format."""
-        module = import_module(f"geodesic_ocp.recordings.formats.{self.module}")
+        module = import_module(f"geodesic_ocp.{self.module}")
         return getattr(module, self.function)(file, *args, **kwargs)
 
 
 _SKELETON = ("convention", "skeleton", "rate", "unit", "up")
 _MARKERS = ("up", "marker_set", "person")
 _TABLE = ("columns", *_GAPS)
+_WING = "recordings.formats"
 #: Every format that is read; a text file is of the first that recognises it.
 FORMATS: dict[str, Format] = {
-    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", (), _is_mmm),
-    "trc": Format("TRC", "markers", "delimited", "read_trc", _MARKERS, _is_trc),
-    "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _SKELETON, _is_acclaim),
-    "bvh": Format("BVH", "segments", "bvh", "read_bvh", ("convention", "unit", "up"), _is_bvh),
+    "mmm": Format("MMM XML", "angles", "trajectory.files.mmm", "read_mmm", (), _is_mmm),
+    "trc": Format("TRC", "markers", f"{_WING}.marker_tables", "read_trc", _MARKERS, _is_trc),
+    "amc": Format("ASF/AMC", "segments", f"{_WING}.amc", "read_amc", _SKELETON, _is_acclaim),
+    "bvh": Format(
+        "BVH", "segments", f"{_WING}.bvh", "read_bvh", ("convention", "unit", "up"), _is_bvh
+    ),
     "opensim": Format(
         "OpenSim .mot and .sto",
         "angles",
-        "opensim",
+        f"{_WING}.opensim",
         "read_opensim",
         ("convention", *_TABLE, "degrees_in", "rate"),
         _is_opensim,
     ),
-    "mvnx": Format("Xsens MVNX", "segments", "mvnx", "read_mvnx", ("convention", "rate"), _is_mvnx),
+    "mvnx": Format(
+        "Xsens MVNX", "segments", f"{_WING}.mvnx", "read_mvnx", ("convention", "rate"), _is_mvnx
+    ),
     "vicon": Format(
-        "CSV of Vicon Nexus", "markers", "laboratory", "read_vicon", _MARKERS, is_vicon
+        "CSV of Vicon Nexus", "markers", f"{_WING}.laboratory", "read_vicon", _MARKERS, is_vicon
     ),
     "qualisys": Format(
-        "Qualisys TSV", "markers", "laboratory", "read_qualisys", _MARKERS, is_qualisys
+        "Qualisys TSV", "markers", f"{_WING}.laboratory", "read_qualisys", _MARKERS, is_qualisys
     ),
     "bids angles": Format(
         "Motion-BIDS (JNTANG)",
         "angles",
-        "laboratory",
+        f"{_WING}.laboratory",
         "read_motion_bids_angles",
         ("convention", *_TABLE, "rate"),
     ),
     "bids markers": Format(
-        "Motion-BIDS (POS)", "markers", "laboratory", "read_motion_bids_markers", _MARKERS
+        "Motion-BIDS (POS)", "markers", f"{_WING}.laboratory", "read_motion_bids_markers", _MARKERS
     ),
     "marker table": Format(
         "a table of markers (CSV)",
         "markers",
-        "delimited",
+        f"{_WING}.marker_tables",
         "read_marker_table",
         _MARKERS,
         _is_marker_table,
@@ -219,14 +224,14 @@ FORMATS: dict[str, Format] = {
     "table": Format(
         "a table (CSV)",
         "angles",
-        "angle_tables",
+        "trajectory.files.angle_tables",
         "read_table",
         (*_TABLE, "degrees_in", "rate"),
         _is_table,
     ),
-    "c3d": Format("c3d", "markers", "c3d", "read_c3d", _MARKERS),
+    "c3d": Format("c3d", "markers", f"{_WING}.c3d", "read_c3d", _MARKERS),
     "smpl": Format(
-        "AMASS-style .npz", "segments", "smpl", "read_smpl", ("convention", "up", "rate")
+        "AMASS-style .npz", "segments", f"{_WING}.smpl", "read_smpl", ("convention", "up", "rate")
     ),
 }
 

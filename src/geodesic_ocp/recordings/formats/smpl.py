@@ -29,9 +29,9 @@ from geodesic_ocp.recordings.conventions.skeleton_segments import (
     SkeletonMotion,
     skeleton_segments,
 )
-from geodesic_ocp.recordings.formats.text_lines import named_failures, stated_rate
-from geodesic_ocp.recordings.recording import LARGEST_ANGLE
 from geodesic_ocp.records import read_arrays
+from geodesic_ocp.trajectory.files.text_lines import named_failures, stated_rate
+from geodesic_ocp.trajectory.recording import LARGEST_ANGLE
 
 # Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
 _JOINTS = (

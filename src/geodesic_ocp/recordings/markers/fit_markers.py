@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.formats.text_lines import check_seconds
 from geodesic_ocp.recordings.markers.body import MarkedBody, on_trunk
 from geodesic_ocp.recordings.markers.chosen_markers import (
     Base,
@@ -46,6 +45,7 @@ from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit, chec
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet, as_marker_set
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
 from geodesic_ocp.recordings.markers.people import of_person
+from geodesic_ocp.trajectory.files.text_lines import check_seconds
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 _COARSE_STEP = 0.05  # [s]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_choice
-from geodesic_ocp.recordings.formats.text_lines import LENGTHS
+from geodesic_ocp.trajectory.files.text_lines import LENGTHS
 from geodesic_ocp.trajectory.gaps import gap_samples
 from geodesic_ocp.trajectory.motion import Subject, check_increasing
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.look import Colour, Mesh, Surface, ellipsoid, loft, moved, strut
 from geodesic_ocp.model.anthropometry import PersonArm, PersonTrunk, person_arms, person_trunks
 from geodesic_ocp.model.joints import frame_index
-from geodesic_ocp.model.look import Colour, Mesh, Surface, ellipsoid, loft, moved, strut
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Body, Capsule
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
-from functools import singledispatch
 from typing import Any, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.drawing.materials import material_parts
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
-from geodesic_ocp.model.materials import material_parts
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Box, Capsule, as_capsule
 
@@ -189,27 +187,30 @@ def body_mesh(body: Capsule | Ball | Box) -> Mesh:
     return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)
 
 
-@singledispatch
+# Surface of a shape of coal, by the name of its class.
+_SURFACES: dict[str, Callable[[Any], Surface]] = {
+    "Box": lambda shape: box(shape.halfSide),
+    "Sphere": lambda shape: ellipsoid(shape.radius),
+    "Ellipsoid": lambda shape: ellipsoid(shape.radii),
+    "Cylinder": lambda shape: cylinder(shape.radius, shape.halfLength),
+    "Cone": lambda shape: cylinder(shape.radius, shape.halfLength, 0.0),
+    "Capsule": lambda shape: strut(
+        np.array([0.0, 0.0, -shape.halfLength]),
+        np.array([0.0, 0.0, shape.halfLength]),
+        float(shape.radius),
+    ),
+}
+
+
 def _surface(shape: Any) -> Surface:
     """Return surface of a shape of coal in its own frame; vertices of a mesh are already scaled."""
+    if known := _SURFACES.get(type(shape).__name__):
+        return known(shape)
     points = points_of(shape)
     triangles = triangles_of(shape)
     if points is None:
         raise ValueError(f"a {type(shape).__name__} has no surface")
     return hull(points) if triangles is None else (points, triangles)
-
-
-_surface.register(pin.coal.Box, lambda shape: box(shape.halfSide))
-_surface.register(pin.coal.Sphere, lambda shape: ellipsoid(shape.radius))
-_surface.register(pin.coal.Ellipsoid, lambda shape: ellipsoid(shape.radii))
-_surface.register(pin.coal.Cylinder, lambda shape: cylinder(shape.radius, shape.halfLength))
-_surface.register(pin.coal.Cone, lambda shape: cylinder(shape.radius, shape.halfLength, 0.0))
-
-
-@_surface.register(pin.coal.Capsule)
-def _(shape: Any) -> Surface:
-    along = np.array([0.0, 0.0, float(shape.halfLength)])
-    return strut(-along, along, float(shape.radius))
 
 
 def chain_ends(model: Model) -> list[int]:
@@ -327,9 +328,10 @@ def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Ite
     if low == high:  # no limits are known
         low = -0.25 * extent
         high = 0.25 * extent
-    place = model.pin.jointPlacements[first] * pin.SE3(turn, turn[:, 2] * (low + high) / 2.0)
     half = np.array([_RAIL * radius, _RAIL * radius, (high - low) / 2.0])
-    rail = moved(box(half), place.rotation, place.translation)
+    along = moved(box(half), turn, turn[:, 2] * (low + high) / 2.0)
+    place = model.pin.jointPlacements[first]
+    rail = moved(along, place.rotation, place.translation)
     yield from _mesh(model, int(model.pin.parents[first]), rail, _LINK)
 
 
@@ -341,6 +343,6 @@ def _mesh(model: Model, joint: int, surface: Surface, colour: Colour) -> Iterato
         if frame.parentJoint == joint and frame_index(model.pin, str(frame.name)) == index
     ]
     # The link's frame, if there is one; another may have the name of the only frame of the joint.
-    for frame in sorted(frames, key=lambda each: each.type != pin.FrameType.BODY)[:1]:
+    for frame in sorted(frames, key=lambda each: each.type.name != "BODY")[:1]:
         inverse = frame.placement.inverse()
         yield Mesh(str(frame.name), *moved(surface, inverse.rotation, inverse.translation), colour)

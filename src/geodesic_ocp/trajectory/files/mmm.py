@@ -27,7 +27,7 @@ import scipy
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import trunk
-from geodesic_ocp.recordings.formats.text_lines import named_failures, numbers
+from geodesic_ocp.trajectory.files.text_lines import named_failures, numbers
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion, Subject
 
 #: The joints of the trunk, from the pelvis to the thorax.

@@ -11,8 +11,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.formats.text_lines import check_seconds
-from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.trajectory.files.text_lines import check_seconds
 from geodesic_ocp.trajectory.motion import Motion
 
 
@@ -25,7 +24,7 @@ class Recording:
         motion: motion of the model's joints, with velocities (`Motion.filtered`).
         name: name of the recording, such as the name of its file.
         subject: identifies the person; recordings of equal subjects are not independent.
-        fit: to markers, from which the motion was obtained; None for other recordings.
+        fit: the `MarkerFit` from which the motion was obtained; None for other recordings.
 
     Raises:
         ValueError: the motion lacks a joint of the model, or has no velocities.
@@ -35,7 +34,7 @@ class Recording:
     motion: Motion
     name: str = ""
     subject: str = ""
-    fit: MarkerFit | None = None
+    fit: Any = None
 
     def __post_init__(self) -> None:
         motion = self.motion.select(self.model.joint_names)
@@ -53,7 +52,7 @@ def as_recordings(given: Any) -> tuple[Recording, ...]:
     listed = (given,) if isinstance(given, Recording) else given
     found = tuple(listed) if isinstance(listed, Iterable) else ()
     if not found or not all(isinstance(each, Recording) for each in found):
-        raise ValueError("recordings must be one or more of go.recordings.Recording")
+        raise ValueError("recordings must be one or more of go.trajectory.Recording")
     return found
 
 
@@ -261,3 +260,40 @@ def _question(joint: str, q: Array) -> str:
         f"{joint} reaches {q[int(np.nanargmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are "
         "in rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
     )
+
+
+def prepared(
+    model: Model,
+    motion: Motion,
+    source: str,
+    *,
+    resample: float | None = None,
+    cutoff: float | None = None,
+    duration: float | None = None,
+    unfiltered: bool = False,
+) -> Motion:
+    """Return the motion of the model's joints, checked, without outliers, and filtered.
+
+    Args:
+        model: the arm.
+        motion: motion of its joints, and maybe of others.
+        source: name of the recording, with which warnings begin.
+        resample: interpolate at this rate first [Hz].
+        cutoff, duration: of the filter, see `Motion.filtered`.
+        unfiltered: take the motion as it is, with the velocities of a cubic spline.
+
+    Raises:
+        RecordingError: the motion lacks a joint of the model.
+        ValueError: as `check_plausible`, or the motion is too short or uneven for the filter.
+    """
+    motion = motion.select(model.joint_names)
+    check_before_unwrapping(model, motion)
+    motion = within_limits(model, motion.without_outliers())
+    check_plausible(model, motion)
+    ask_about_limits(model, motion, source)
+    warn_of_gimbal_lock(motion, source)
+    if resample is not None:
+        motion = motion.resampled(resample)
+    if unfiltered:
+        return replace(motion, velocity=motion(motion.time, 1))
+    return motion.filtered(cutoff=cutoff, duration=duration)

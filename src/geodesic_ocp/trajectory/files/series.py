@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.recording import LARGEST_ANGLE
 from geodesic_ocp.trajectory.gaps import gap_samples
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 from geodesic_ocp.trajectory.outliers import turns_between
+from geodesic_ocp.trajectory.recording import LARGEST_ANGLE
 
 _SHORTEST = 0.5  # [s] of a part between gaps
 

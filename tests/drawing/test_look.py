@@ -12,8 +12,8 @@ from known_models import free_rotor, planar_arm, random_tree
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.meshes import meshes
 from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.model.meshes import meshes
 
 
 def at_rest(model: go.Model, *links: str) -> Array:

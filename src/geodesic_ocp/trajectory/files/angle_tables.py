@@ -17,9 +17,11 @@ import numpy as np
 
 from geodesic_ocp.arrays import as_number
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.delimited import Table, read_csv
-from geodesic_ocp.recordings.formats.series import Series
-from geodesic_ocp.recordings.formats.text_lines import (
+from geodesic_ocp.records import write_file
+from geodesic_ocp.tables import new_table
+from geodesic_ocp.trajectory.files.delimited import Table, read_csv
+from geodesic_ocp.trajectory.files.series import Series
+from geodesic_ocp.trajectory.files.text_lines import (
     ANGLES,
     named_failures,
     numbers,
@@ -28,10 +30,8 @@ from geodesic_ocp.recordings.formats.text_lines import (
     stated,
     stated_rate,
 )
-from geodesic_ocp.recordings.recording import ask_about_degrees
-from geodesic_ocp.records import write_file
-from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.recording import ask_about_degrees
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
     >>> motion = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     file = go.recordings.save_motion(Path(folder) / "motion.csv", motion)
+    ...     file = go.trajectory.save_motion(Path(folder) / "motion.csv", motion)
     ...     again = go.read_motion(file, joints=arm.joint_names)
     >>> np.array_equal(again.q, motion.q)
     True

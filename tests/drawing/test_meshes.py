@@ -16,10 +16,10 @@ from installed_robots import known_robot
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.look import Mesh
+from geodesic_ocp.drawing.meshes import MAX_TRIANGLES, meshes, simplified
 from geodesic_ocp.model.link_geometry import triangles_of
 from geodesic_ocp.model.link_solids import link_solids
-from geodesic_ocp.model.look import Mesh
-from geodesic_ocp.model.meshes import MAX_TRIANGLES, meshes, simplified
 
 SHAPES = {
     "box": '<box size="0.2 0.4 0.6"/>',

@@ -11,18 +11,17 @@ from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 import scipy
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.drawing.look import Indices, Mesh, body_mesh, kinematic_chain, visual_geometry
+from geodesic_ocp.drawing.person_look import mirrored, person
 from geodesic_ocp.model.anthropometry import PersonArm, person_arms, person_trunks, shoulder_joint
 from geodesic_ocp.model.human import human_arm, human_upper_body, stature
-from geodesic_ocp.model.joints import frame_index
+from geodesic_ocp.model.joints import pose_at_zero
 from geodesic_ocp.model.link_geometry import LinkGeometry
-from geodesic_ocp.model.look import Indices, Mesh, body_mesh, kinematic_chain, visual_geometry
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.person_look import mirrored, person
 
 MAX_TRIANGLES = 60000  # per model, which keeps a page with four robots below a few MB
 _known: WeakKeyDictionary[Model, tuple[Mesh, ...]] = WeakKeyDictionary()
@@ -42,7 +41,7 @@ def meshes(model: Model) -> tuple[Mesh, ...]:
     the model. Moving links without either are drawn from the kinematic chain: joints along their
     axes, and struts between them. The result is deterministic, and kept as long as the model is.
 
-    >>> from geodesic_ocp.model.meshes import meshes
+    >>> from geodesic_ocp.drawing.meshes import meshes
     >>> sorted({mesh.link for mesh in meshes(go.human_arm("right"))})
     ['right forearm', 'right hand', 'right upper arm']
     """
@@ -97,7 +96,9 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
         return None
     person = _whole(height, _mass(arms[0], height))
     half_width = person_trunks(person)[0].half_width
-    rest = {side: _at_rest(model, shoulder_joint(model, arm)) for side, arm in sides.items()}
+    rest = {
+        side: pose_at_zero(model.pin, shoulder_joint(model, arm)) for side, arm in sides.items()
+    }
     turn = rest[arms[0].side][0]
     width = 1.0
     if len(arms) == 2:
@@ -113,7 +114,7 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
         outward = 1.0 if arms[0].side == "right" else -1.0
         collar = rest[arms[0].side][1] - outward * half_width * turn[:, 0]
 
-    own = np.eye(3), _at_rest(person, "thorax")[1]
+    own = np.eye(3), pose_at_zero(person.pin, "thorax")[1]
     drawn = {str(body.link) for arm in person_arms(person) for body in arm.bodies}
     parts = [_placed(mesh, person, own) for mesh in meshes(person) if mesh.link not in drawn]
     parts = [
@@ -142,18 +143,9 @@ def _mass(arm: PersonArm, height: float) -> float:
     return min(float(volumes[0] / volumes[1]), _HEAVIEST)
 
 
-def _at_rest(model: Model, frame: str) -> tuple[Array, Array]:
-    """Return rotation and position of a frame at q = 0, where axes are those of the base."""
-    data = model.pin.createData()
-    index = frame_index(model.pin, frame)
-    pin.forwardKinematics(model.pin, data, np.zeros(model.dof))  # far faster than a symbolic one
-    place = pin.updateFramePlacement(model.pin, data, index)
-    return np.array(place.rotation), np.array(place.translation)
-
-
 def _placed(mesh: Mesh, model: Model, origin: tuple[Array, Array]) -> Mesh:
     """Return the mesh at q = 0 in the axes of an origin in the base frame of the model."""
-    rotation, position = _at_rest(model, mesh.link)
+    rotation, position = pose_at_zero(model.pin, mesh.link)
     points = mesh.vertices @ rotation.T + position
     return replace(mesh, vertices=(points - origin[1]) @ origin[0])
 

@@ -1,0 +1,1 @@
+"""Files of joint angles: tables of comma-separated values and MMM XML."""
