@@ -20,7 +20,7 @@ arm, motion = recording.model, recording.motion
 go.log(go.KineticEnergy(arm), motion.q[790], motion.q[-1])
 analysis = go.analyse(arm, motion.part(790, len(motion) - 1))
 assert "matplotlib" not in sys.modules
-analysis.plot()
+go.plot(analysis)
 """
 
 

@@ -129,7 +129,7 @@ def test_solution_agrees_with_its_closed_form(problem: go.Problem, solution: go.
 
 @pytest.mark.slow
 def test_figure_has_labels_and_is_written(solution: go.Solution, tmp_path: Path) -> None:
-    figure = solution.plot()
+    figure = go.plot(solution)
     assert all(axes.get_ylabel() for axes in figure.axes if axes.axison and len(axes.get_yticks()))
     figure.savefig(tmp_path / "picture.png", dpi=20)
 
@@ -179,7 +179,7 @@ def test_motions_are_solved_and_drawn(motion_class: type[go.MotionProblem], tmp_
     found = go.solve(motion_class())
     assert found.success
     assert found.violation[0] <= 1e-4
-    assert all(axes.get_ylabel() for axes in found.plot().axes)
+    assert all(axes.get_ylabel() for axes in go.plot(found).axes)
     found.to_trajectory().save(tmp_path / "motion.csv")
     assert go.read_trajectory(tmp_path / "motion.csv").duration == pytest.approx(found.duration)
     assert playback_of(found).scenes[0].solids or not found.problem.obstacles

@@ -31,7 +31,7 @@ ALONE = {
 }
 ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES | ALONE
 ABSTRACT = {go.Metric, go.MotionProblem, go.Problem}
-NEEDS_A_NOTEBOOK = {go.ocp.LivePlot}
+NEEDS_A_NOTEBOOK = {go.drawing.LivePlot}
 
 
 class ToRest(go.MotionProblem):

@@ -10,6 +10,7 @@ from . import retargeting as retargeting
 from . import studies as studies
 from . import synergies as synergies
 from . import trajectory as trajectory
+from .drawing.plot import plot as plot
 from .drawing.viewer import show as show
 from .errors import GeodesicOcpError as GeodesicOcpError
 from .errors import IntegrationFailed as IntegrationFailed

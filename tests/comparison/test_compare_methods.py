@@ -193,7 +193,7 @@ def test_bad_arguments_are_named(
 ) -> None:
     motion: Any = recordings[0].motion
     for wrong in ([], [motion], motion):
-        with pytest.raises(ValueError, match=r"must be one or more of go\.recordings\.Recording"):
+        with pytest.raises(ValueError, match=r"must be one or more of go\.trajectory\.Recording"):
             go.studies.compare_methods(wrong)
     with pytest.raises(ValueError, match=r"segments must be pairs \(start, stop\), got \(0, 60\)"):
         go.studies.compare_methods(recordings[0], metrics(), segments=[(0, 60)])  # type: ignore[list-item]

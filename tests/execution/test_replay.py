@@ -137,7 +137,7 @@ def test_errors_of_the_hand_and_their_table(arm: go.Model) -> None:
     assert [row[0] for row in rows] == list(arm.joint_names)
     assert_allclose([row[1] for row in rows], 1e3 * result.largest_error)
     assert "Replay('human right arm', pd: largest error" in repr(result)
-    panels = result.plot().axes
+    panels = go.plot(result).axes
     assert [axes.get_ylabel() for axes in panels] == [
         "joint error [mrad]",
         "hand error",

@@ -98,7 +98,7 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model) -> Non
     post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
     table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")
     reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
-    figure = go.solve(reach, grid=go.Grid(6, 3), throw=False).plot()
+    figure = go.plot(go.solve(reach, grid=go.Grid(6, 3), throw=False))
     joints, speed, hand, arm_along, close_up = figure.axes
     assert [line.get_label() for line in joints.get_lines()][:7] == list(arm.joint_names)
     assert joints.get_ylabel() == "coordinates q [rad]"
@@ -110,7 +110,7 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model) -> Non
     assert len([text for text in texts if text.startswith("s = ")]) == 6
     assert len([text for text in texts if "nearest" in text]) == 1
     assert close_up.get_title("left").startswith("nearest at s = ")
-    flat = go.solve(PlaneAroundDisc()).plot()
+    flat = go.plot(go.solve(PlaneAroundDisc()))
     assert flat.axes[1].get_xlabel() == "q[0]"  # no panel on a constant speed
 
 
@@ -273,7 +273,7 @@ def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
     display = pytest.importorskip("IPython.display")
     with pytest.raises(ValueError, match="works in a notebook only"):
-        go.ocp.LivePlot(PlaneAroundDisc())
+        go.drawing.LivePlot(PlaneAroundDisc())
     shown: list[object] = []
 
     class Handle:
@@ -287,7 +287,7 @@ def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(display, "display", show)
     monkeypatch.setattr(ipython, "get_ipython", lambda: SimpleNamespace(kernel=object()))
     problem = PlaneAroundDisc()
-    with go.ocp.LivePlot(problem, interval=1e9) as live:
+    with go.drawing.LivePlot(problem, interval=1e9) as live:
         solution = go.solve(problem, grid=go.Grid(16, 4), callback=live)
     assert len(shown) == 2  # the first iterate, and the last one on closing
     assert shown[0] is shown[1]

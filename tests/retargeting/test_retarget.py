@@ -445,7 +445,7 @@ def test_tables_and_figure_show_both_methods(found: go.retargeting.Retargeting) 
     assert [row[1] for row in rows_of_table(synergies)] == list(range(1, len(arm.groups) + 1))
     assert str(rows_of_table(synergies)[0][2]).startswith("1")
     assert str(rows_of_table(synergies)[-1][2]).endswith(str(len(arm.analysis.synergies)))
-    figure = found.plot()
+    figure = go.plot(found)
     (part,) = figure.subfigs
     panels = part.axes
     labels = [panel.get_ylabel() for panel in panels]

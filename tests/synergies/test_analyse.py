@@ -88,7 +88,7 @@ def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
 
 @pytest.mark.slow
 def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
-    figure = bundled_analysis.plot(lambda axes: axes.set_title("curve", loc="right"))
+    figure = go.plot(bundled_analysis, curve=lambda axes: axes.set_title("curve", loc="right"))
     assert isinstance(figure, Figure)
     strip, joints, hand, path, curve = figure.axes
     assert curve.get_title("right") == "curve"

@@ -115,7 +115,7 @@ def test_the_table_names_each_hand(analysis: go.Analysis) -> None:
 
 @pytest.mark.slow
 def test_the_figure_shows_each_hand(analysis: go.Analysis) -> None:
-    figure = analysis.plot(lambda axes: axes.set_xlabel("number of synergies"))
+    figure = go.plot(analysis, curve=lambda axes: axes.set_xlabel("number of synergies"))
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
     assert {"joints [rad]", "right hand [mm]", "left hand [mm]"} <= set(panels)
     for hand in analysis.errors["riemannian"].hands:
@@ -125,7 +125,7 @@ def test_the_figure_shows_each_hand(analysis: go.Analysis) -> None:
             axes.get_title("left").startswith(f"path of the {hand.name}") for axes in figure.axes
         )
     assert figure.axes[-1].get_xlabel() == "number of synergies"
-    assert len(analysis.plot().axes) == 6
+    assert len(go.plot(analysis).axes) == 6
 
 
 @pytest.mark.slow
@@ -135,7 +135,7 @@ def test_a_single_hand_keeps_its_columns(arms: list[go.Model]) -> None:
         "hand [m]",
         "hand [rad]",
     )
-    assert [axes.get_ylabel() for axes in analysis.plot().axes[1:3]] == [
+    assert [axes.get_ylabel() for axes in go.plot(analysis).axes[1:3]] == [
         "joints [rad]",
         "hand [mm]",
     ]

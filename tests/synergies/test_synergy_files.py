@@ -53,7 +53,7 @@ def peaks_of(figure: Figure) -> list[float]:
 @pytest.mark.slow
 def test_figures_in_degrees(bundled_analysis: go.Analysis) -> None:
     """Labels and ticks, and what is written beside a line that leaves the panel."""
-    figure = bundled_analysis.plot()
+    figure = go.plot(bundled_analysis)
     label, peaks = figure.axes[1].get_ylabel(), peaks_of(figure)
     degrees = go.drawing.in_degrees(figure).axes[1]
     assert degrees.get_ylabel() == label.replace("[rad]", "[deg]")

@@ -67,7 +67,9 @@ def test_an_analysis_has_a_spread_that_depends_on_its_seed_alone() -> None:
             assert spread.own_errors[number] == pytest.approx(getattr(errors, measure), abs=1e-6)
     rows = rows_of_table(spread.table())
     assert [row[-1] for row in rows] == ["stable" if s else "doubtful" for s in spread.stable]
-    labels = [text.get_text() for text in analysis.plot(uncertainty=spread).legends[0].get_texts()]
+    labels = [
+        text.get_text() for text in go.plot(analysis, uncertainty=spread).legends[0].get_texts()
+    ]
     assert labels[-2:] == ["stable cut", "doubtful cut"]
 
 

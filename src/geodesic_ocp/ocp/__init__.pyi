@@ -1,5 +1,4 @@
 from .callback import Iterate as Iterate
-from .callback import LivePlot as LivePlot
 from .certificate import Certificate as Certificate
 from .motion_problem import MotionSolution as MotionSolution
 from .nlp import NLP as NLP

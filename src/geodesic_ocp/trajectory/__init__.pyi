@@ -1,8 +1,6 @@
 from .bundled_recording import bundled_recording as bundled_recording
 from .files.angle_tables import Column as Column
-from .files.angle_tables import read_table as read_table
 from .files.angle_tables import save_motion as save_motion
-from .files.mmm import read_mmm as read_mmm
 from .filters import MotionFilter as MotionFilter
 from .motion import FrameMotion as FrameMotion
 from .motion import Subject as Subject
