@@ -16,7 +16,7 @@ import pytest
 from public_names import public_names
 
 import geodesic_ocp as go
-from geodesic_ocp.cli.main import current, new_app
+from geodesic_ocp.cli.main import new_app
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.tables import markdown
 
@@ -128,7 +128,7 @@ def test_commands_have_these_options() -> None:
     assert len(commands) > 5
     for command in commands:
         with contextlib.suppress(ValueError):  # the files of the examples are not there
-            app.parse_args(current(shlex.split(command)), exit_on_error=False)
+            app.parse_args(shlex.split(command), exit_on_error=False)
 
 
 def test_stated_defaults() -> None:
