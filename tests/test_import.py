@@ -54,26 +54,6 @@ def test_every_name_can_be_imported() -> None:
     assert set(go.__all__) < set(dir(go))
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("Markers", "recordings.Markers"),
-        ("evaluate", "synergies.motion_errors"),
-        ("minimum_jerk", "baselines.minimum_jerk"),
-    ],
-)
-def test_names_of_the_version_before_warn(old: str, new: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"{old} is now geodesic_ocp.{new}") as caught:
-        assert getattr(go, old) is public_names()[new]
-    assert caught[0].filename == __file__
-
-
-@pytest.mark.parametrize("old", ["figures", "viewer"])
-def test_namespaces_that_became_one_warn(old: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"{old} is now geodesic_ocp.drawing"):
-        assert getattr(go, old) is go.drawing
-
-
 def test_unknown_names_are_attribute_errors() -> None:
     with pytest.raises(
         AttributeError, match="module 'geodesic_ocp' has no attribute 'geodesik'"

@@ -47,7 +47,7 @@ def test_malformed_files_are_named(tmp_path: Path) -> None:
         go.load_solution(good, other)
     record = json.loads(good.read_text())
     for change, message in (
-        ({"version": 9}, "has version 9, expected 3"),
+        ({"version": 9}, "has version 9, expected 1"),
         ({"format": "soup"}, "is not a file of a solution"),
         ({"joint_names": ["a"]}, "its joints"),
         ({"nodes": [[0.0, 1.0]]}, "nodes must have shape"),

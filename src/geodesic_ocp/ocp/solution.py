@@ -184,7 +184,7 @@ def decoded(value: Any) -> Any:
 
 
 FORMAT = "geodesic_ocp solution"
-VERSION = 3
+VERSION = 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)

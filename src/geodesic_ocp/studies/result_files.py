@@ -103,7 +103,7 @@ class RecordingOutcome:
 
 
 FORMAT = "geodesic_ocp result of a recording"
-VERSION = 2
+VERSION = 1
 RESULTS = "results"  # folder of the results, within that of the output
 SYNERGIES = ".synergies.json"
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
