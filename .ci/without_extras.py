@@ -28,9 +28,9 @@ grid = go.Grid(1, 3)
 begin = (arm.lower + arm.upper) / 2.0
 line = go.Path(go.Euclidean(arm.dof), grid, begin + np.outer(grid.nodes, np.full(arm.dof, 0.1)))
 paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
-planned = go.plan_trajectory([paths])
+planned = go.execution.plan_trajectory([paths])
 trajectory = planned.sampled(100.0)
-assert go.check_trajectory(trajectory, arm, limits).passed
+assert go.execution.check_trajectory(trajectory, arm, limits).passed
 poses = arm.hand_pose(trajectory.positions)
 assert go.execution.track_within_limits(arm, begin, trajectory.time, poses, limits).rate == 200.0
 

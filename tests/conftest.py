@@ -110,6 +110,6 @@ def bundled_file() -> Path:
 
 
 @pytest.fixture(scope="session")
-def bundled_analysis(bundled_file: Path) -> go.Analysis:
+def bundled_analysis(bundled_file: Path) -> go.synergies.Analysis:
     """The analysis of the bundled recording, with the default settings."""
     return go.analyse(go.human_arm("left", 1.78), go.read_motion(bundled_file))

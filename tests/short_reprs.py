@@ -15,7 +15,7 @@ OF_EXECUTION = {
     go.execution.Clearance,
     go.execution.ClearanceReport,
     go.execution.JointLimits,
-    go.JointTrajectory,
+    go.trajectory.JointTrajectory,
     go.execution.LinkPairs,
     go.execution.MotionMeasures,
     go.execution.PlannedTrajectory,

@@ -88,7 +88,7 @@ def test_readme_is_short() -> None:
 
 
 @pytest.mark.slow
-def test_tables_of_the_demo_are_what_it_prints(bundled_analysis: go.Analysis) -> None:
+def test_tables_of_the_demo_are_what_it_prints(bundled_analysis: go.synergies.Analysis) -> None:
     _, _, *lines = markdown(bundled_analysis.table()).splitlines()
     rows = [re.sub(" +", " ", line) for line in lines]
     text = (ROOT / "docs" / "explanation" / "segmentation.md").read_text()
@@ -136,5 +136,5 @@ def test_stated_defaults() -> None:
     stated = re.findall(r"^\| `--([a-z-]+) .*\(default ([-\d. ]+)[);]", text, re.MULTILINE)
     assert len(stated) > 8
     for option, numbers in stated:
-        default = getattr(go.RetargetingSettings(), option.replace("-", "_"))
+        default = getattr(go.retargeting.RetargetingSettings(), option.replace("-", "_"))
         assert np.ravel(default).tolist() == [float(each) for each in numbers.split()], option

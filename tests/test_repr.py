@@ -44,14 +44,16 @@ class ToRest(go.MotionProblem):
 
 
 @pytest.mark.slow
-def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go.Analysis) -> None:
+def test_repr_of_every_public_value_is_short(
+    arm: go.Model, bundled_analysis: go.synergies.Analysis
+) -> None:
     obstacles = [
         go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp"),
         go.Capsule((0.0, 0.0, 1.0), (0.0, 0.0, 2.0), 0.1),
         go.Box((3.0, 0.0, 0.0), (0.1, 0.2, 0.3), name="shelf"),
         go.HalfSpace((0.0, 0.0, -3.0), (0.0, 0.0, 1.0), "floor"),
     ]
-    metric, both = go.KineticEnergy(arm), go.combine(go.human_arm("left"), arm)
+    metric, both = go.KineticEnergy(arm), go.model.combine(go.human_arm("left"), arm)
     reach = go.Reach(arm, START, TARGET, obstacles=obstacles)
     iterates: list[go.ocp.Iterate] = []
     solution = go.solve(
@@ -63,7 +65,9 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     time = np.linspace(0.0, 1.0, 50)
     turn = go.Motion(time, np.outer(time, np.ones(7)), arm.joint_names)
     swing = go.Motion(time, np.outer(time - time**3, np.arange(7) / 7), arm.joint_names)
-    metric_fit = go.fit_metric(go.trajectory.Recording(arm, swing.filtered()), segments=[[(0, 49)]])
+    metric_fit = go.fitting.fit_metric(
+        go.trajectory.Recording(arm, swing.filtered()), segments=[[(0, 49)]]
+    )
     live = go.retargeting.LiveRetargeting(arm, arm, START)
     values = [
         live,
@@ -82,10 +86,10 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.cubic(plane, (0.0, 0.0), (1.0, 0.0), (1.0, 2.0), None, 0.5),
         go.cubic(plane, (0.0, 0.0), (1.0, 0.0), (1.0, 2.0), None, 0.5).certificate,
         go.solve(ToRest()),
-        go.geodesic_to_pose(rods, (0.2, 0.9), rods.hand_pose((0.3, 0.8))[1]),
+        go.logarithm.geodesic_to_pose(rods, (0.2, 0.9), rods.hand_pose((0.3, 0.8))[1]),
         go.Path(go.KineticEnergy(both), go.Grid(1, 20), np.zeros((21, 14))),
-        go.JacobiMetric(arm, 100.0),
-        go.RegionAvoiding(go.KineticEnergy(both), margin=tuple(np.linspace(0.1, 0.4, 14))),
+        go.manifold.JacobiMetric(arm, 100.0),
+        go.manifold.RegionAvoiding(go.KineticEnergy(both), margin=tuple(np.linspace(0.1, 0.4, 14))),
         go.Grid(64, 4, tuple(np.linspace(0.0, 1.0, 65))),
         go.Motion(np.linspace(0.0, 1.0, 500), np.zeros((500, 14)), both.joint_names),
         go.trajectory.Subject(1.8, 80.0, "somebody"),
@@ -98,7 +102,9 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         ),
         go.model.robot_armature(arm),
         go.retargeting.reachability(arm, go.retargeting.align(arm), None, np.full((3, 3), 0.1)),
-        go.RetargetingSettings(obstacles=obstacles, pairs=[("right upper arm", "right hand")]),
+        go.retargeting.RetargetingSettings(
+            obstacles=obstacles, pairs=[("right upper arm", "right hand")]
+        ),
         go.GeodesicOcpError("an error"),
         go.IntegrationFailed("an error"),
         go.RecordingError("an error"),

@@ -40,7 +40,7 @@ def recordings(repetitions: int) -> list[Measurement]:
     return results
 
 
-def _retargeting(analysis: go.Analysis, repetitions: int) -> Measurement:
+def _retargeting(analysis: go.synergies.Analysis, repetitions: int) -> Measurement:
     panda = robot("panda")
 
     def transfer() -> None:

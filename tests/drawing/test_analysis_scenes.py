@@ -23,13 +23,13 @@ from geodesic_ocp.recordings.markers.markers import Markers
 
 
 @pytest.fixture(scope="module")
-def climb(bundled_analysis: go.Analysis) -> Playback:
+def climb(bundled_analysis: go.synergies.Analysis) -> Playback:
     return analysis_playback(bundled_analysis)
 
 
 @pytest.mark.slow
 def test_observed_and_predicted_arm_meet_at_the_cuts(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     (scene,) = climb.scenes
     observed, predicted = (
@@ -48,7 +48,7 @@ def test_observed_and_predicted_arm_meet_at_the_cuts(
 
 @pytest.mark.slow
 def test_cuts_are_marked_on_the_path_of_the_hand(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     (scene,) = climb.scenes
     (cloud,) = scene.clouds
@@ -58,7 +58,7 @@ def test_cuts_are_marked_on_the_path_of_the_hand(
     assert cloud.layer == CUTS
 
 
-def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.Analysis) -> None:
+def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.synergies.Analysis) -> None:
     spans = climb.spans["synergies"]
     assert len(spans) == len(bundled_analysis.synergies)
     for number, (span, synergy) in enumerate(
@@ -71,7 +71,7 @@ def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.Analysis)
 
 
 @pytest.mark.slow
-def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.Analysis) -> None:
+def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.synergies.Analysis) -> None:
     analysis = replace(bundled_analysis)  # which does not know yet
     stable = analysis.uncertainty(2).stable
     _, *spans = analysis_playback(analysis).spans["synergies"]
@@ -82,7 +82,7 @@ def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.Analysis) -> Non
 
 
 def test_every_other_prediction_is_a_layer_that_is_off_at_first(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     (scene,) = climb.scenes
     labels = bundled_analysis.labels()
@@ -104,7 +104,7 @@ def test_every_other_prediction_is_a_layer_that_is_off_at_first(
 
 
 def test_curves_of_errors_have_the_means_of_the_table(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     plots = {plot.label: plot for plot in climb.plots}
     methods, labels = bundled_analysis.on_same_segments(), bundled_analysis.labels()
@@ -123,7 +123,7 @@ def test_curves_of_errors_have_the_means_of_the_table(
     assert {curve.layer for curve in speeds} - {""} == set(climb.hidden) & set(labels.values())
 
 
-def test_methods_without_a_geodesic_are_left_out(bundled_analysis: go.Analysis) -> None:
+def test_methods_without_a_geodesic_are_left_out(bundled_analysis: go.synergies.Analysis) -> None:
     lacking = replace(
         bundled_analysis,
         not_found=("kinetic_energy",),

@@ -220,7 +220,7 @@ def test_trajectories_of_more_joints_and_with_prefixes(arm: go.Model) -> None:
     )
     with pytest.raises(ValueError, match="trajectory has 2 joints RSx_joint; it has one/RSx"):
         replay(both, arm)
-    pair = go.combine(arm, arm, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    pair = go.model.combine(arm, arm, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     assert "one/RSx_joint" not in pair.joint_names
     together = replay(both, pair, contacts=False)
     alone = replay(trajectory, arm, contacts=False)

@@ -195,8 +195,8 @@ def test_a_metric_or_model_in_the_wrong_place_is_named(
     message = "model must be a Model, got .*; use its attribute model"
     for call in (
         lambda: go.Reach(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
-        lambda: go.inverse_kinematics(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
-        lambda: go.geodesic_to_pose(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
+        lambda: go.ocp.inverse_kinematics(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
+        lambda: go.logarithm.geodesic_to_pose(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
     ):
         with pytest.raises(ValueError, match=message):
             call()

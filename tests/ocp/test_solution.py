@@ -117,7 +117,7 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model) -> Non
 def test_saved_problem_is_restored(tmp_path: Path, arm: go.Model) -> None:
     solution = go.solve(PlaneAroundDisc(radius=0.4))
     file = solution.save(tmp_path / "disc.json")
-    again = go.load_solution(file)
+    again = go.ocp.load_solution(file)
     assert isinstance(again.problem, PlaneAroundDisc)
     assert again.problem.radius == 0.4
     assert again.path.length == solution.path.length
@@ -132,17 +132,17 @@ def test_saved_problem_is_restored(tmp_path: Path, arm: go.Model) -> None:
         bad = tmp_path / "bad.json"
         bad.write_text(json.dumps(record | change))
         with pytest.raises(go.RecordingError, match=message):
-            go.load_solution(bad)
+            go.ocp.load_solution(bad)
     reach = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
     with pytest.raises(go.RecordingError, match=r"use load_solution\('.*reach.json', problem\)"):
-        go.load_solution(reach)
+        go.ocp.load_solution(reach)
 
 
 def test_solution_of_another_model_is_refused(tmp_path: Path, arm: go.Model) -> None:
     file = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
     taller = go.Reach(go.human_arm("right", height=1.9), START, TARGET)
     with pytest.raises(go.RecordingError, match=r"its path has the energy .* in this problem's"):
-        go.load_solution(file, taller)
+        go.ocp.load_solution(file, taller)
 
 
 def test_nlp_can_be_solved_by_another_solver() -> None:
@@ -186,7 +186,7 @@ class Around(PlaneAroundDisc):
 
 def test_fields_are_restored_with_their_types(tmp_path: Path) -> None:
     problem = Around(radius=np.float32(0.25), centre=np.array([0.5, -1.0]), title="inf")
-    again = go.load_solution(go.solve(problem).save(tmp_path / "a.json")).problem
+    again = go.ocp.load_solution(go.solve(problem).save(tmp_path / "a.json")).problem
     assert isinstance(again, Around)
     assert again.radius == 0.25
     assert isinstance(again.centre, np.ndarray)
@@ -194,18 +194,18 @@ def test_fields_are_restored_with_their_types(tmp_path: Path) -> None:
     assert (again.title, again.far) == ("inf", np.inf)
     lamps = Around(lamps=(go.Ball((0.0, 0.0, 0.0), 0.1),))
     file = go.solve(lamps).save(tmp_path / "b.json")
-    assert go.load_solution(file).problem.lamps == lamps.lamps  # type: ignore[attr-defined]
+    assert go.ocp.load_solution(file).problem.lamps == lamps.lamps  # type: ignore[attr-defined]
     noted = Around(notes={"a": 1})
     file = go.solve(noted).save(tmp_path / "c.json")
     with pytest.raises(go.RecordingError, match="not hold the fields notes; use load_solution"):
-        go.load_solution(file)
-    assert go.load_solution(file, noted).stats.success
+        go.ocp.load_solution(file)
+    assert go.ocp.load_solution(file, noted).stats.success
 
 
 def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -> None:
     file = go.solve(PlaneAroundDisc(radius=0.5)).save(tmp_path / "disc.json")
     with pytest.raises(go.RecordingError, match=r"violates this problem's conditions by 0\.1"):
-        go.load_solution(file, PlaneAroundDisc(radius=0.6))
+        go.ocp.load_solution(file, PlaneAroundDisc(radius=0.6))
     record = json.loads(file.read_text())
     for part, key, value, message in (
         ("nlp", "lam_g", [1.0], "nlp.lam_g must be 65 numbers"),
@@ -220,13 +220,13 @@ def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -
         bad = tmp_path / "bad.json"
         bad.write_text(json.dumps(record | {part: record[part] | {key: value}}))
         with pytest.raises(go.RecordingError, match=message):
-            go.load_solution(bad, PlaneAroundDisc())
+            go.ocp.load_solution(bad, PlaneAroundDisc())
     bad.write_text(json.dumps(record | {"nodes": None}))
     with pytest.raises(go.RecordingError):
-        go.load_solution(bad, PlaneAroundDisc())
+        go.ocp.load_solution(bad, PlaneAroundDisc())
     bad.write_text("[" * 100_000)
     with pytest.raises(go.RecordingError, match="is not JSON"):
-        go.load_solution(bad, PlaneAroundDisc())
+        go.ocp.load_solution(bad, PlaneAroundDisc())
 
 
 def test_callback_stops_refinement() -> None:

@@ -187,7 +187,9 @@ def test_failures_of_solvers_and_warnings_are_told(
 
     analyse = analyse_recording.analyse
 
-    def altered(model: go.Model, motion: go.Motion, *options: Any, **more: Any) -> go.Analysis:
+    def altered(
+        model: go.Model, motion: go.Motion, *options: Any, **more: Any
+    ) -> go.synergies.Analysis:
         if motion.subject.name == "Bob":
             raise go.NotConverged("no geodesic was found")
         import warnings

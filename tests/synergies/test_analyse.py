@@ -29,7 +29,7 @@ METHODS = ["riemannian", "kinetic_energy", "euclidean_same_segments", "euclidean
 
 
 @pytest.mark.slow
-def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
+def test_everything_is_there(bundled_analysis: go.synergies.Analysis) -> None:
     assert sorted(bundled_analysis.errors) == sorted(METHODS)
     assert bundled_analysis.not_found == ()
     assert len(bundled_analysis.segments) == len(bundled_analysis.synergies)
@@ -46,7 +46,7 @@ def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
     assert again == bundled_analysis.errors["riemannian"]
 
 
-def test_errors_are_small_against_the_motion(bundled_analysis: go.Analysis) -> None:
+def test_errors_are_small_against_the_motion(bundled_analysis: go.synergies.Analysis) -> None:
     hand = bundled_analysis.model.hand_pose(bundled_analysis.motion.q)[1]
     path = np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()
     assert bundled_analysis.errors["riemannian"].position < 0.02 * path
@@ -59,7 +59,7 @@ def test_errors_are_small_against_the_motion(bundled_analysis: go.Analysis) -> N
 
 
 @pytest.mark.slow
-def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
+def test_finer_thresholds_explain_more(bundled_analysis: go.synergies.Analysis) -> None:
     model, motion, metric = bundled_analysis.model, bundled_analysis.motion, bundled_analysis.metric
     coarse, fine = (go.segment(metric, motion, threshold) for threshold in (0.6, 0.3))
     assert len(fine) > len(coarse)
@@ -72,7 +72,7 @@ def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
     assert errors[1] < errors[0]
 
 
-def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
+def test_table_shows_all_comparisons(bundled_analysis: go.synergies.Analysis) -> None:
     table = bundled_analysis.table()
     count = len(bundled_analysis.segments)
     counts = [count, count, count, bundled_analysis.segment_counts["euclidean"], None]
@@ -87,7 +87,7 @@ def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
+def test_figure_has_its_panels(bundled_analysis: go.synergies.Analysis) -> None:
     figure = go.plot(bundled_analysis, curve=lambda axes: axes.set_title("curve", loc="right"))
     assert isinstance(figure, Figure)
     strip, joints, hand, path, curve = figure.axes
@@ -106,7 +106,9 @@ def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
+def test_saved_results_can_be_loaded(
+    bundled_analysis: go.synergies.Analysis, tmp_path: Path
+) -> None:
     folder = tmp_path / "new" / "results"
     folder.mkdir(parents=True)
     (folder / "table.md").write_text("of an older analysis, to be replaced")
@@ -131,7 +133,7 @@ def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Pa
 
 @pytest.mark.slow
 def test_a_failed_save_leaves_nothing_half_written(
-    bundled_analysis: go.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bundled_analysis: go.synergies.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(self: Figure, *arguments: object, **options: object) -> None:
         raise OSError("disk full")
@@ -153,7 +155,9 @@ def test_progress_runs_to_its_end(bundled_file: Path) -> None:
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
 
 
-def test_repr_is_short_and_notebooks_show_the_table(bundled_analysis: go.Analysis) -> None:
+def test_repr_is_short_and_notebooks_show_the_table(
+    bundled_analysis: go.synergies.Analysis,
+) -> None:
     lines = repr(bundled_analysis).splitlines()
     assert len(lines) == 3
     assert f"{len(bundled_analysis.synergies)} geodesic synergies" in lines[0]
@@ -162,7 +166,7 @@ def test_repr_is_short_and_notebooks_show_the_table(bundled_analysis: go.Analysi
     assert bundled_analysis._repr_markdown_() == markdown(bundled_analysis.table())
 
 
-def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.Analysis) -> None:
+def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.synergies.Analysis) -> None:
     motion = go.read_motion(bundled_file)
     with pytest.raises(ValueError, match="there is no joint RSx_joint"):
         go.analyse(go.human_arm("right"), motion)

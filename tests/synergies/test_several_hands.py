@@ -22,7 +22,7 @@ def arms() -> list[go.Model]:
 
 @pytest.fixture(scope="module")
 def both(arms: list[go.Model]) -> go.Model:
-    return go.combine(*arms, placements=SHOULDERS)
+    return go.model.combine(*arms, placements=SHOULDERS)
 
 
 def swing(model: go.Model) -> go.Motion:
@@ -34,7 +34,7 @@ def swing(model: go.Model) -> go.Motion:
 
 
 @pytest.fixture(scope="module")
-def analysis(both: go.Model) -> go.Analysis:
+def analysis(both: go.Model) -> go.synergies.Analysis:
     return go.analyse(both, swing(both))
 
 
@@ -105,7 +105,7 @@ def test_minimum_jerk_moves_all_hands(both: go.Model, arms: list[go.Model]) -> N
 
 
 @pytest.mark.slow
-def test_the_table_names_each_hand(analysis: go.Analysis) -> None:
+def test_the_table_names_each_hand(analysis: go.synergies.Analysis) -> None:
     table = analysis.table()
     assert header_of(table) == ("method", "segments", "joints [rad]", *NAMED)
     hands = analysis.errors["riemannian"].hands
@@ -114,7 +114,7 @@ def test_the_table_names_each_hand(analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_the_figure_shows_each_hand(analysis: go.Analysis) -> None:
+def test_the_figure_shows_each_hand(analysis: go.synergies.Analysis) -> None:
     figure = go.plot(analysis, curve=lambda axes: axes.set_xlabel("number of synergies"))
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
     assert {"joints [rad]", "right hand [mm]", "left hand [mm]"} <= set(panels)

@@ -87,7 +87,7 @@ def _figure(result: object) -> Figure:
     """Return the figure of one result."""
     name = type(result).__name__
     if isinstance(result, str | PathLike):
-        hint = "read the file first, as by go.read_recording or go.load_solution"
+        hint = "read the file first, as by go.read_recording or go.ocp.load_solution"
     elif isinstance(result, Problem):
         hint = "solve the problem first, and plot its solution"
     else:

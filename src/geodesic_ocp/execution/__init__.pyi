@@ -1,5 +1,6 @@
 from .arm_paths import ArmPaths as ArmPaths
 from .check_trajectory import TrajectoryCheck as TrajectoryCheck
+from .check_trajectory import check_trajectory as check_trajectory
 from .clearance import Clearance as Clearance
 from .clearance import keep_clear as keep_clear
 from .limits import JointLimits as JointLimits
@@ -11,6 +12,7 @@ from .motion_measures import MotionMeasures as MotionMeasures
 from .motion_measures import compare_with_tracking as compare_with_tracking
 from .motion_measures import motion_measures as motion_measures
 from .plan_trajectory import PlannedTrajectory as PlannedTrajectory
+from .plan_trajectory import plan_trajectory as plan_trajectory
 from .replay import Replay as Replay
 from .replay import replay as replay
 from .track_within_limits import track_within_limits as track_within_limits

@@ -170,7 +170,8 @@ def replay(
     >>> bend = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # of the elbow, by 1 rad
     >>> q = bend * (10 * s**3 - 15 * s**4 + 6 * s**5)
     >>> v, a = bend * 30 * s**2 * (1 - s) ** 2, bend * 60 * s * (1 - s) * (1 - 2 * s)
-    >>> result = replay(go.JointTrajectory(time, q, v, a, arm.joint_names), arm, contacts=False)
+    >>> swing = go.trajectory.JointTrajectory(time, q, v, a, arm.joint_names)
+    >>> result = replay(swing, arm, contacts=False)
     >>> bool(result.largest_error.max() < 1e-4)  # [rad]
     True
 

@@ -3,6 +3,7 @@ from .cost_fit import bootstrap_cost as bootstrap_cost
 from .cost_fit import fit_cost as fit_cost
 from .error_profile import ErrorProfile as ErrorProfile
 from .error_profile import error_profile as error_profile
+from .fit_metric import fit_metric as fit_metric
 from .metric_fit import ConfidenceInterval as ConfidenceInterval
 from .metric_fit import Estimate as Estimate
 from .metric_fit import MetricFit as MetricFit

@@ -67,7 +67,7 @@ def error_profile(
     """Return least error of a fit as a function of one parameter, with all others estimated anew.
 
     >>> recording = go.trajectory.bundled_recording()
-    >>> fit = go.fit_metric(recording)
+    >>> fit = go.fitting.fit_metric(recording)
     >>> profile = go.fitting.error_profile(fit, values=[0.001, 0.05, 1.0])
     >>> profile.errors.ravel().round(3).tolist()
     [0.026, 0.021, 0.021]

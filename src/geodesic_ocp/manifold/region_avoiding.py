@@ -108,7 +108,7 @@ class RegionAvoiding(Metric):
     exp(length / (margin_i sqrt(w_i))) cannot be computed, for example for a light wrist.
 
     >>> plain = go.KineticEnergy(go.human_arm())
-    >>> metric = go.RegionAvoiding(plain, margin=0.1)  # within the joint limits
+    >>> metric = go.manifold.RegionAvoiding(plain, margin=0.1)  # within the joint limits
     >>> q, v = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0]
     >>> wrist = metric.joint_names.index("RWx_joint")  # upper limit 0.349 rad
     >>> float(go.exp(plain, q, v)[wrist].round(2)), float(go.exp(metric, q, v)[wrist].round(2))

@@ -13,4 +13,5 @@ from .reachability import Reachability as Reachability
 from .reachability import reachability as reachability
 from .result import Retargeting as Retargeting
 from .retarget import retarget_arms as retarget_arms
+from .settings import RetargetingSettings as RetargetingSettings
 from .synergy_paths import SynergyPaths as SynergyPaths

@@ -98,7 +98,7 @@ class RetargetingSettings(ShortRepr):
         ValueError: a value of the wrong type or out of range; the message names the field.
 
     >>> import geodesic_ocp as go
-    >>> settings = go.RetargetingSettings(rest=False, orientation_weight=0.0)
+    >>> settings = go.retargeting.RetargetingSettings(rest=False, orientation_weight=0.0)
     >>> settings.rest, settings.limits, settings.formulation
     (False, True, 'constrained')
     """

@@ -1,4 +1,5 @@
 from . import baselines as baselines
+from .analyse import Analysis as Analysis
 from .optimal_segmentations import OptimalSegmentations as OptimalSegmentations
 from .optimal_segmentations import optimal_segmentations as optimal_segmentations
 from .optimal_segmentations import segment_optimal as segment_optimal

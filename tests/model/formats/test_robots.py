@@ -52,7 +52,9 @@ def test_known_robots_can_be_loaded(robot: str) -> None:
 
 def both_arms(backend: str, shared: Path) -> go.Model:
     left = go.human_arm("left", table="de_leva", sex="female", backend=backend)
-    return go.combine(left, go.human_arm("right", backend=backend).with_payload(2.0, [0, 0, 0.1]))
+    return go.model.combine(
+        left, go.human_arm("right", backend=backend).with_payload(2.0, [0, 0, 0.1])
+    )
 
 
 def mmm_body(backend: str, shared: Path) -> go.Model:
