@@ -92,7 +92,7 @@ SMOOTH = replace(LIMITS, jerk=0.3 * LIMITS.jerk)  # averages over 33 steps
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     seed=st.integers(0, 1000),
     every=st.integers(1, 60),
