@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,8 +13,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-ENVIRONMENT_VARIABLE = "GEODESIC_OCP_CHROMIUM"
-ON_PATH = ("chromium", "chromium-browser", "google-chrome")
+from geodesic_ocp.drawing.browser import ENVIRONMENT_VARIABLE, SOFTWARE_RENDERING, find_chromium
+
 LOCAL = ("file:", "data:", "blob:", "about:")
 TIMEOUT = 30_000.0  # [ms]; software rendering on a busy machine takes seconds
 ARGUMENTS = (
@@ -27,7 +25,6 @@ ARGUMENTS = (
     "--disable-component-update",
     "--disable-sync",
 )
-SOFTWARE_RENDERING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 NO_WEBGL = ("--disable-gpu", "--disable-3d-apis")
 WIDTH = 720  # of the window [px], in which two panes are side by side
 BODY = 0.25  # by how much bodies differ from the background at least; lines of the floor less
@@ -66,17 +63,6 @@ class Watched:
         """It logged nothing, raised nothing, and asked nobody for anything."""
         assert not self.complaints
         assert not self.requests
-
-
-def find_chromium(playwright: Any) -> str | None:
-    """The program named by the environment variable, one on the path, or playwright's own."""
-    if named := os.environ.get(ENVIRONMENT_VARIABLE):
-        return named
-    for name in ON_PATH:
-        if found := shutil.which(name):
-            return found
-    own = playwright.chromium.executable_path
-    return own if Path(own).exists() else None
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import matplotlib.colors
@@ -50,16 +49,6 @@ def test_a_view_is_a_parallel_projection_with_z_up(azimuth: float, elevation: fl
     x, y = view.plane([0.0, 0.0, 1.0])
     assert x == pytest.approx(0.0, abs=1e-9)
     assert y == pytest.approx(np.cos(np.deg2rad(elevation)))
-
-
-@given(angles, heights)
-def test_a_camera_far_away_sees_what_one_at_infinity_sees(azimuth: float, elevation: float) -> None:
-    view = Camera.around_z(azimuth, elevation)
-    points = np.random.default_rng(0).normal(size=(5, 3))
-    far = replace(view, eye=1e6 * view.towards, focal=1e6)
-    pixels, depths = far.project(points)
-    assert pixels * [1.0, -1.0] == pytest.approx(view.plane(points), abs=1e-4)
-    assert depths + view.depth(points) == pytest.approx(1e6)
 
 
 def test_views_say_from_where_they_are() -> None:

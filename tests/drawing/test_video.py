@@ -1,24 +1,26 @@
-"""Videos and pictures of playbacks, drawn without a screen."""
+"""Videos and pictures of playbacks, shot by a browser without a screen."""
 
 from __future__ import annotations
 
-import subprocess
+import asyncio
 import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
-import matplotlib
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
+from geodesic_ocp.drawing import browser
 from geodesic_ocp.drawing import save_video as writers
 from geodesic_ocp.drawing.actors import Actor
 from geodesic_ocp.drawing.look import Mesh
-from geodesic_ocp.drawing.panels import layout
-from geodesic_ocp.drawing.raster import nearest_fragments
 from geodesic_ocp.drawing.save_video import save_video
 from geodesic_ocp.drawing.scene import (
     PARAMETER,
@@ -40,6 +42,26 @@ CORNERS = np.array(np.meshgrid([-0.1, 0.1], [-0.1, 0.1], [-0.1, 0.1])).reshape(3
 FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 NASTY = "$x_ \\alpha^{ <script>&\x00\n"
 SMALL = {"width": 240, "rate": 5.0}
+
+
+@pytest.fixture(scope="module")
+def started() -> Iterator[Any]:
+    """One browser for all pictures of this file."""
+    try:
+        chromium = browser.chromium()
+        one = chromium.__enter__()
+    except ImportError as reason:
+        pytest.skip(str(reason))
+    yield one
+    chromium.__exit__(None, None, None)
+
+
+@pytest.fixture(autouse=True)
+def shared(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slow tests shoot pictures; the others need no browser."""
+    if request.node.get_closest_marker("slow"):
+        one = request.getfixturevalue("started")
+        monkeypatch.setattr(browser, "chromium", lambda: nullcontext(one))
 
 
 def cube() -> NDArray[np.int64]:
@@ -169,22 +191,23 @@ def test_an_mp4_can_be_read(tmp_path: Path) -> None:
 def test_without_ffmpeg_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     monkeypatch.setattr(writers.shutil, "which", lambda _: None)
-    with pytest.raises(ImportError, match=r"geodesic_ocp\[viewer\]"):
+    with pytest.raises(ImportError, match=r"geodesic_ocp\[show\]"):
         save_video(moving(), tmp_path / "cube.mp4", **SMALL)
     assert not list(tmp_path.iterdir())
 
 
-def test_narrow_pictures_have_letters_of_the_same_size_and_fewer_plots() -> None:
+@pytest.mark.slow
+def test_a_narrow_picture_is_the_page_made_smaller_with_fewer_plots(tmp_path: Path) -> None:
     playback = moving()
-    three = replace(playback, plots=playback.plots * 3, scenes=playback.scenes * 3)
-    wide, narrow = layout(three, 960, 1.0), layout(three, 320, 1.0)
-    assert narrow.unit > 320 / 960
-    assert (len(wide.plots), len(narrow.plots)) == (3, 1)
-    assert len({top for _, top, _, _ in wide.panes}) == 1
-    for place in (wide, narrow):
-        for left, top, width, height in (*place.panes, *place.bars, *place.plots):
-            assert 0 <= left < left + width <= place.width
-            assert 0 <= top < top + height <= place.height
+    two = replace(playback, plots=playback.plots * 2, scenes=playback.scenes * 2)
+    shapes = [
+        pictures(save_video(two, tmp_path / "x.png", width=width))[0].shape
+        for width in (720, 960, 240)
+    ]
+    assert [width for _, width, _ in shapes] == [720, 960, 240]
+    assert all(height % 2 == 0 for height, _, _ in shapes)
+    assert shapes[0][0] == pytest.approx(0.75 * shapes[1][0], abs=2)
+    assert shapes[2][0] > 240  # panes below each other
 
 
 @pytest.mark.slow
@@ -242,34 +265,56 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_neither_screen_nor_window_is_needed(tmp_path: Path) -> None:
-    code = (
-        "import sys\n"
-        "from pathlib import Path\n"
-        "from test_video import moving, save_video\n"
-        "save_video(moving(), Path(sys.argv[1]), width=160)\n"
-        "assert 'matplotlib.pyplot' not in sys.modules\n"
-    )
-    file = tmp_path / "x.png"
-    here = str(Path(__file__).parent)
-    clean = {"PYTHONPATH": here, "MPLCONFIGDIR": matplotlib.get_cachedir(), "PATH": ""}
-    subprocess.run([sys.executable, "-c", code, str(file)], env=clean, check=True)
-    assert file.is_file()
+def test_neither_a_screen_nor_a_thread_without_an_event_loop_is_needed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Notebooks run one."""
+
+    async def cell() -> Path:
+        return save_video(standing(), tmp_path / "x.png", width=160)
+
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert pictures(asyncio.run(cell()))[0].shape[1] == 160
 
 
-def test_the_nearest_triangle_is_seen_and_shared_edges_leave_no_seam() -> None:
-    square = np.array([[[0, 0], [8, 0], [8, 8]], [[0, 0], [8, 8], [0, 8]]], dtype=float)
-    corners = np.concatenate([square, square[:, ::-1]])
-    depths = np.repeat([[2.0], [2.0], [1.0], [3.0]], 3, axis=1)
-    seen = nearest_fragments(corners, depths, (8, 8))
-    assert np.array_equal(seen.pixels, np.arange(64))
-    assert set(seen.triangles.tolist()) == {1, 2}
-    assert np.allclose(seen.weights.sum(axis=1), 1.0)
-    places = (seen.weights[..., None] * corners[seen.triangles]).sum(axis=1)
-    assert np.allclose(places, np.column_stack([seen.pixels % 8, seen.pixels // 8]) + 0.5)
-    assert np.allclose(1.0 / seen.closeness, depths[seen.triangles, 0], rtol=1e-6)
+def test_without_playwright_the_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
+    with pytest.raises(ImportError, match=r"pip install 'geodesic_ocp\[show\]'"):
+        save_video(moving(), tmp_path / "cube.png", **SMALL)
+    assert not list(tmp_path.iterdir())
 
 
+def test_without_a_chromium_ways_to_get_one_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("playwright.sync_api", reason="needs playwright (extra show)")
+    monkeypatch.setattr(browser, "find_chromium", lambda playwright: None)
+    with pytest.raises(ImportError, match="playwright install chromium"):
+        save_video(moving(), tmp_path / "cube.png", **SMALL)
+    monkeypatch.setattr(browser, "find_chromium", lambda playwright: str(tmp_path / "absent"))
+    with pytest.raises(ImportError, match="absent does not start"):
+        save_video(moving(), tmp_path / "cube.png", **SMALL)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_chromium_of_the_environment_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = SimpleNamespace(chromium=SimpleNamespace(executable_path=sys.executable))
+    none = SimpleNamespace(chromium=SimpleNamespace(executable_path="/absent"))
+    monkeypatch.setattr(browser.shutil, "which", lambda name: f"/bin/{name}")
+    monkeypatch.delenv(browser.ENVIRONMENT_VARIABLE, raising=False)
+    assert browser.find_chromium(own) == sys.executable
+    assert browser.find_chromium(none) == "/bin/chromium"
+    monkeypatch.setenv(browser.ENVIRONMENT_VARIABLE, "/mine")
+    assert browser.find_chromium(own) == "/mine"
+    monkeypatch.delenv(browser.ENVIRONMENT_VARIABLE)
+    monkeypatch.setattr(browser.shutil, "which", lambda name: None)
+    assert browser.find_chromium(none) is None
+
+
+@pytest.mark.slow
 def test_an_overlay_is_outlined_and_what_has_a_colour_is_seen_through_it(tmp_path: Path) -> None:
     playback = standing()
     scene = playback.scenes[0]
@@ -286,6 +331,7 @@ def test_an_overlay_is_outlined_and_what_has_a_colour_is_seen_through_it(tmp_pat
         assert orange[axis].min() <= blue[axis].min() <= blue[axis].max() <= orange[axis].max()
 
 
+@pytest.mark.slow
 def test_what_stands_still_is_hidden_by_what_moves_before_it(tmp_path: Path) -> None:
     playback = replace(moving(), azimuth=0.0, elevation=0.0, spans={}, plots=())
     scene = playback.scenes[0]

@@ -19,9 +19,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.actors import Actor
 from geodesic_ocp.drawing.camera import first_view
 from geodesic_ocp.drawing.look import Mesh
-from geodesic_ocp.drawing.panes import TINT
 from geodesic_ocp.drawing.plots import curve_styles, draw_plot
-from geodesic_ocp.drawing.rendering import creased
 from geodesic_ocp.drawing.scene import PARAMETER, Playback, Plot, Scene, Trail, plain_text
 from geodesic_ocp.drawing.styles import NEUTRAL, ROLES, SURROUNDINGS, mixed
 
@@ -42,8 +40,8 @@ def document(title: str, body: str) -> str:
         title: title of the page, as plain text; it is escaped. The body has its own heading.
         body: HTML, such as `f"<h1>{html.escape(title)}</h1>{fragment(playback)}"`.
     """
-    style, licence, three = map(_read, ("page.css", "LICENSE.three", "three.min.js"))
-    own = "\n".join(_read(f"scripts/{name}") for name in _SCRIPTS)
+    style, licence, three = map(web_file, ("page.css", "LICENSE.three", "three.min.js"))
+    own = "\n".join(web_file(f"scripts/{name}") for name in _SCRIPTS)
     scripts = f"\n/*!\n{licence}*/\n{three}", f'\n(function () {{\n"use strict";\n{own}}})();\n'
     policy = " ".join([_POLICY, *map(_source, scripts)])
     programs = "\n".join(f"<script>{script}</script>" for script in scripts)
@@ -65,13 +63,22 @@ def document(title: str, body: str) -> str:
 """
 
 
+def page(playback: Playback) -> str:
+    """Return a self-contained page of a playback, under its title if no pane says the same."""
+    title = plain_text(playback.title)
+    only = plain_text(playback.scenes[0].title) if len(playback.scenes) == 1 else ""
+    heading = f"<h1>{html.escape(title)}</h1>\n" if title not in ("", only) else ""
+    return document(title, heading + fragment(playback))
+
+
 def _source(script: str) -> str:
     """Return a script, as a policy names it, https://www.w3.org/TR/CSP3/."""
     digest = hashlib.sha256(script.encode()).digest()
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
-def _read(name: str) -> str:
+def web_file(name: str) -> str:
+    """Return the text of a file of the folder web."""
     return (files("geodesic_ocp.drawing") / "web" / name).read_text(encoding="utf-8")
 
 
@@ -103,6 +110,8 @@ def encoded(array: NDArray[Any]) -> str:
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
 
 
+_CREASE = np.deg2rad(35.0)  # [rad]: edges between faces that differ by more stay sharp
+_TINT = 0.12  # of white in the colours of bodies, so that dark ones keep their shading
 _FINEST = 0.004  # [m] between points of a drawn trail, and their number
 _FEWEST = 8  # [m] between points of a drawn trail, and their number
 _MOST = 900  # [m] between points of a drawn trail, and their number
@@ -167,7 +176,7 @@ def _dash(style: Mapping[str, Any]) -> Any:
 
 def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:
     """Return colours of lines and bodies, and lengths of dash and gap in widths of the line."""
-    body = [round(each, 4) for each in mixed(style["color"], TINT)]
+    body = [round(each, 4) for each in mixed(style["color"], _TINT)]
     return {"colour": style["color"], "body": body, "dash": _dash(style)}
 
 
@@ -237,7 +246,7 @@ def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str
     key = (np.asarray(vertices, dtype=float).tobytes(), corners.tobytes())
     if key not in shapes:
         shapes[key] = len(bodies)
-        points, _, faces = creased(np.asarray(vertices), np.asarray(triangles))
+        points, faces = _creased(np.asarray(vertices), np.asarray(triangles))
         corners = np.ascontiguousarray(faces, dtype="<u4" if len(points) > 2**16 else "<u2")
         bodies.append(
             {
@@ -247,6 +256,15 @@ def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str
             }
         )
     return shapes[key]
+
+
+def _creased(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    """Return vertices and triangles of a surface that is smooth between its edges."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, triangles, process=False)
+    smooth = trimesh.graph.smooth_shade(mesh, angle=_CREASE, facet_minarea=None)
+    return np.array(smooth.vertices, dtype=float), np.array(smooth.faces, dtype=np.int64)
 
 
 def _poses(rotations: Array, positions: Array) -> dict[str, Any]:

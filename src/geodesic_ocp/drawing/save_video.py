@@ -1,4 +1,4 @@
-"""Videos and animations of playbacks: frames, GIF, WebP and MP4."""
+"""Videos and animations of playbacks: GIF, WebP and MP4."""
 
 from __future__ import annotations
 
@@ -6,73 +6,18 @@ import math
 import shutil
 import struct
 import subprocess
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from itertools import chain
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.arrays import Array, as_integer, as_number, as_positive
-from geodesic_ocp.drawing.camera import Camera, cameras, first_view
-from geodesic_ocp.drawing.panels import layout, panel
-from geodesic_ocp.drawing.panes import SAMPLES, Pane, pane, scene_parts
+from geodesic_ocp.arrays import as_integer, as_number, as_positive
+from geodesic_ocp.drawing.browser import Frame, frames
 from geodesic_ocp.drawing.scene import PARAMETER, Playback
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.records import replacing
-
-Frame = NDArray[np.uint8]  # (height, width, 3)
-
-
-def frames(
-    playback: Playback,
-    instants: Sequence[float],
-    *,
-    width: int,
-    layers: Collection[str],
-    turns: Sequence[float] | None = None,
-) -> Iterator[Frame]:
-    """Yield pictures of a playback.
-
-    Args:
-        instants: instants of the pictures, in the playback's time.
-        width: width of the pictures [px], even.
-        layers: those that are shown.
-        turns: turns of the camera at each instant [rad]; None: it stands still.
-    """
-    scenes = [scene.showing(layers) for scene in playback.scenes]
-    parts = [scene_parts(scene) for scene in scenes]
-    points = [scene.points() for scene in scenes]
-    direction = first_view(playback.azimuth, playback.elevation)
-
-    def seen(shape: tuple[int, int]) -> list[Camera]:
-        return cameras(points, direction, shape, around=turns is not None)
-
-    square = seen((1000, 1000))
-    extents = [np.ptp(each.project(at)[0], axis=0) for each, at in zip(square, points, strict=True)]
-    across, down = np.max(extents, axis=0)
-    place = layout(playback, width, float(down / max(across, 1e-9)) * 1.05)
-    shape = (SAMPLES * place.panes[0][3], SAMPLES * place.panes[0][2])
-    scale = SAMPLES * place.unit
-
-    def panes(angle: float) -> list[Pane]:
-        made: list[Pane] = []
-        for scene, each, at, camera in zip(scenes, parts, points, seen(shape), strict=True):
-            middle: Array = (at.min(axis=0) + at.max(axis=0)) / 2.0
-            turn = Rotation.from_euler("z", angle).as_matrix()
-            made.append(pane(scene, each, at, camera.turned(turn, middle), scale))
-        return made
-
-    around = panel(playback, place)
-    drawn = panes(0.0)
-    for index, instant in enumerate(instants):
-        if turns is not None and turns[index]:
-            drawn = panes(turns[index])
-        pictures = [each.picture(instant) for each in drawn]
-        yield around.picture(instant, list(zip(place.panes, pictures, strict=True)))
-
 
 # colours of a GIF, and one that is transparent
 _FREQUENT = 180
@@ -203,7 +148,7 @@ def ffmpeg() -> str:
     except (ImportError, RuntimeError):
         found = shutil.which("ffmpeg")
     if found is None:
-        raise ImportError("An .mp4 needs ffmpeg: pip install 'geodesic_ocp[viewer]'")
+        raise ImportError("An .mp4 needs ffmpeg: pip install 'geodesic_ocp[show]'")
     return found
 
 
@@ -230,8 +175,9 @@ def save_video(
 ) -> Path:
     """Draw a playback into a video (.mp4), an animation (.gif, .webp) or a picture (.png).
 
-    Neither a screen nor a browser is needed. A path over its parameter takes 4 s; the last frame
-    stays for half a second. If nothing moves, the camera turns around once, in 6 s.
+    A headless Chromium shoots them, without a screen or a network. A path over its parameter takes
+    4 s; the last frame stays for half a second. If nothing moves, the camera turns around once, in
+    6 s.
 
     Args:
         file: path, whose folder must exist.
@@ -247,7 +193,8 @@ def save_video(
 
     Raises:
         ValueError: another suffix; rate, width, speed, time or layer out of range.
-        ImportError: an .mp4 needs imageio-ffmpeg, or ffmpeg.
+        ImportError: there is no playwright or no Chromium, or, for an .mp4, neither imageio-ffmpeg
+            nor ffmpeg.
         OSError: the file cannot be written; what was there is left as it was.
     """
     path = Path(file)
@@ -264,13 +211,13 @@ def save_video(
     if not _SMALLEST <= width <= _LARGEST:
         raise ValueError(f"width must be from {_SMALLEST} to {_LARGEST} pixels, got {width}")
     even = width - width % 2
-    shown = _layers(playback, layers)
+    shown = playback if layers is None else playback.showing(layers)
     report = no_progress if progress is None else progress
     if suffix == ".png":
         from PIL import Image
 
         with replacing(path) as temporary:
-            picture = next(frames(playback, [_time(playback, at)], width=even, layers=shown))
+            (picture,) = frames(shown, [_time(playback, at)], width=even)
             Image.fromarray(picture).save(temporary, format="PNG", optimize=True)
         report("drawing frames", 1, 1)
         return path
@@ -285,7 +232,7 @@ def save_video(
         turns = [2.0 * np.pi * index / len(instants) for index in range(len(instants))]
 
     def drawn() -> Iterator[Frame]:
-        made = frames(playback, instants, width=even, layers=shown, turns=turns)
+        made = frames(shown, instants, width=even, turns=turns)
         for done, frame in enumerate(made, start=1):
             yield frame
             report("drawing frames", done, len(instants))
@@ -303,7 +250,7 @@ def save_video(
             some = range(0, len(instants), max(1, len(instants) // _LOOKED_AT))
             angles = None if turns is None else [turns[index] for index in some]
             early = [instants[index] for index in some]
-            samples = frames(playback, early, width=even, layers=shown, turns=angles)
+            samples = frames(shown, early, width=even, turns=angles)
             write_gif(temporary, drawn(), list(samples), times)
     return path
 
@@ -341,8 +288,3 @@ def _time(playback: Playback, at: float | None) -> float:
     if not start <= instant <= stop:
         raise ValueError(f"at must be from {start:g} to {stop:g}, got {instant:g}")
     return instant
-
-
-def _layers(playback: Playback, layers: Collection[str] | None) -> Sequence[str]:
-    shown = playback if layers is None else playback.showing(layers)
-    return [name for name in shown.layers if name not in shown.hidden]

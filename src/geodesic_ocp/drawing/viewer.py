@@ -14,7 +14,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.drawing.page import document, fragment
+from geodesic_ocp.drawing.page import document, fragment, page
 from geodesic_ocp.drawing.playback_of import playback_of
 from geodesic_ocp.drawing.retargeting_figure import retargeting_figure
 from geodesic_ocp.drawing.retargeting_scenes import retargeting_playback
@@ -53,10 +53,7 @@ class Viewer:
 
     def html(self) -> str:
         """Return a self-contained page, which opens from disk without a network."""
-        title = plain_text(self.playback.title)
-        only = plain_text(self.playback.scenes[0].title) if len(self.playback.scenes) == 1 else ""
-        heading = f"<h1>{html.escape(title)}</h1>\n" if title not in ("", only) else ""
-        return document(title, heading + fragment(self.playback))
+        return page(self.playback)
 
     def save(
         self,
@@ -86,7 +83,7 @@ class Viewer:
 
         Raises:
             ValueError: another suffix, an argument out of range, or a layer that does not exist.
-            ImportError: ffmpeg, which an .mp4 needs, is not installed.
+            ImportError: there is no browser that shoots pictures, or no ffmpeg for an .mp4.
             OSError: the file cannot be written; what was there is left as it was.
         """
         path = Path(file)
@@ -120,18 +117,18 @@ class Viewer:
         Raises:
             OSError: the file cannot be written.
         """
-        page = self.html()
-        path = write_file(Path(tempfile.mkdtemp(prefix="geodesic_ocp-")) / "viewer.html", page)
+        folder = Path(tempfile.mkdtemp(prefix="geodesic_ocp-"))
+        path = write_file(folder / "viewer.html", self.html())
         open_page(path)
         return path
 
     def _repr_html_(self) -> str:
-        page = _ascii(self.html())
+        source = _ascii(self.html())
         title = _ascii(plain_text(self.playback.title))
         style = f"border: 0; height: {self.height or _HEIGHT}px; width: 100%"
         # In a sandbox, its scripts cannot reach the notebook.
         allowed = 'sandbox="allow-scripts" allow="fullscreen"'
-        frame = f'<iframe srcdoc="{page}" title="{title}" style="{style}" {allowed}></iframe>'
+        frame = f'<iframe srcdoc="{source}" title="{title}" style="{style}" {allowed}></iframe>'
         return frame if self.height else frame + _FIT
 
 

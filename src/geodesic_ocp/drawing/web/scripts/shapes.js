@@ -2,6 +2,7 @@
 
 const MISSING = -32768;
 const CLEAR = "0.08"; // opacity of the middle of a hull
+const SIDES = 6; // of a tube, which is a few pixels wide
 const RIM = "0.2, 0.75"; // cosines of angles from which its rim fades, and to which
 
 function bytes(text) {
@@ -48,13 +49,12 @@ function tube(points, radius, dash) {
   // The points are even already: the curve's parameter is its length.
   path.getPointAt = path.getPoint;
   path.getTangentAt = path.getTangent;
-  const pieces = 2 * (spots.length - 1);
-  const made = new THREE.TubeGeometry(path, pieces, radius, 8);
+  const made = new THREE.TubeGeometry(path, spots.length - 1, radius, SIDES);
   if (dash) {
-    const piece = spots[0].distanceTo(spots[1]) / 2;
+    const piece = spots[0].distanceTo(spots[1]);
     const [on, off] = dash.map((each) => Math.max(1, Math.round((2.4 * radius * each) / piece)));
     const kept = Array.from(made.index.array).filter(
-      (_, i) => Math.floor(i / 48) % (on + off) < on
+      (_, i) => Math.floor(i / (6 * SIDES)) % (on + off) < on
     );
     made.setIndex(kept);
   }
