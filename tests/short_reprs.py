@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from repr_size import CHARACTERS, LINES
+
 import geodesic_ocp as go
 
-LINES, CHARACTERS = 3, 300
 # Public values that are checked in test_reprs.py of their folders, and not in tests/test_repr.py.
 OF_EXECUTION = {
     go.execution.ArmPaths,

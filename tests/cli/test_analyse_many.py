@@ -189,7 +189,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setattr(study_tables, "has_parquet", lambda: False)
     printed = refused("study", tmp_path)
-    assert "Parquet needs pyarrow: pip install 'geodesic_ocp[parquet]'" in printed
+    assert "Parquet needs pyarrow: pip install 'geodesic_ocp[people]'" in printed
     assert printed.count("\n") == 1
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fitting.synthetic import optimal_recording, synthetic_recording
 from fitting.test_fit_metric import PLANAR
-from short_reprs import CHARACTERS
+from repr_size import CHARACTERS
 from table_rows import rows_of_table
 
 import geodesic_ocp as go

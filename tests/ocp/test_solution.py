@@ -95,6 +95,7 @@ def test_coordinates_without_a_model_are_numbered() -> None:
 
 @pytest.mark.slow
 def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
     table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")
     reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
@@ -270,6 +271,7 @@ def test_unhashable_options_are_named_and_lists_accepted() -> None:
 
 @pytest.mark.slow
 def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
     display = pytest.importorskip("IPython.display")
     with pytest.raises(ValueError, match="works in a notebook only"):

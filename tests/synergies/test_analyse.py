@@ -15,12 +15,12 @@ import pinocchio as pin
 import pytest
 from known_models import planar_arm
 from matplotlib.figure import Figure
+from motion_files import motion_in
 from shaded_times import is_shaded
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.metrics import FRACTION
-from geodesic_ocp.studies.study_tables import recording_rows
 from geodesic_ocp.tables import markdown, text
 
 synergy_module = importlib.import_module("geodesic_ocp.synergies.synergy")
@@ -88,6 +88,7 @@ def test_table_shows_all_comparisons(bundled_analysis: go.synergies.Analysis) ->
 
 @pytest.mark.slow
 def test_figure_has_its_panels(bundled_analysis: go.synergies.Analysis) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     figure = go.plot(bundled_analysis, curve=lambda axes: axes.set_title("curve", loc="right"))
     assert isinstance(figure, Figure)
     strip, joints, hand, path, curve = figure.axes
@@ -148,7 +149,7 @@ def test_a_failed_save_leaves_nothing_half_written(
 def test_progress_runs_to_its_end(bundled_file: Path) -> None:
     seen: list[tuple[str, int, int]] = []
     arm = go.human_arm("left")
-    motion = go.read_motion(bundled_file, arm.joint_names)
+    motion = motion_in(bundled_file, arm.joint_names)
     go.analyse(arm, motion.part(740, len(motion) - 1), progress=lambda *report: seen.append(report))
     assert seen[0][0] == "cutting into segments"
     assert seen[-1][1] == seen[-1][2] > 0
@@ -167,7 +168,7 @@ def test_repr_is_short_and_notebooks_show_the_table(
 
 
 def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.synergies.Analysis) -> None:
-    motion = go.read_motion(bundled_file)
+    motion = motion_in(bundled_file)
     with pytest.raises(ValueError, match="there is no joint RSx_joint"):
         go.analyse(go.human_arm("right"), motion)
     with pytest.raises(ValueError, match="too short to filter"):
@@ -194,7 +195,7 @@ def test_take_book_from_shelf(shared: Path) -> None:
     """Values of an independent implementation of the paper's metric and rule, to 20 %."""
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arm = go.human_arm("right", 1.83, 100.0)
-    motion = go.read_motion(file).filtered(window=21, order=2)
+    motion = motion_in(file).filtered(window=21, order=2)
     rule = partial(go.segment, min_duration=0.0, hysteresis=0.0)
     analysis = go.analyse(arm, motion, metric="kinetic", segments=rule)
     assert len(analysis.segments) == pytest.approx(20, rel=0.2)
@@ -211,7 +212,7 @@ def test_joint_inertia_explains_a_recording_better_than_straight_lines(shared: P
     """On the same segments, in the joints and in position and orientation of the hand."""
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arm = go.human_arm("right", 1.83, 100.0)
-    errors = go.analyse(arm, go.read_motion(file)).errors
+    errors = go.analyse(arm, motion_in(file)).errors
     ours, straight = errors["riemannian"], errors["euclidean_same_segments"]
     assert ours.joint < 0.95 * straight.joint
     assert ours.position < 0.8 * straight.position
@@ -229,7 +230,7 @@ def test_joint_inertia_explains_a_recording_better_than_straight_lines(shared: P
 def test_every_log_map_of_every_recording_converges(name: str, side: str, shared: Path) -> None:
     arm = go.human_arm(side, 1.83, 100.0)
     metric = go.KineticEnergy(arm)
-    motion = go.read_motion(shared / "data" / "kit" / f"{name}.xml")
+    motion = motion_in(shared / "data" / "kit" / f"{name}.xml")
     analysis = go.analyse(arm, motion, metric=metric)
     for synergy in analysis.synergies:
         start, stop = synergy.path(0.0), synergy.path(1.0)
@@ -394,6 +395,7 @@ def test_a_segment_without_a_geodesic_does_not_lose_the_others(
     planar: tuple[go.Model, go.Motion], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Errors of the metric that is compared are means over the samples of the other segments."""
+    recording_rows = pytest.importorskip("geodesic_ocp.studies.study_tables").recording_rows
     arm, motion = planar
     cut = [(0, 50), (50, 90), (90, 120)]
     whole = go.analyse(arm, motion, segments=cut)

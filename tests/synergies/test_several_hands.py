@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motion_files import motion_in
 from table_rows import header_of, rows_of_table
 
 import geodesic_ocp as go
@@ -115,6 +116,7 @@ def test_the_table_names_each_hand(analysis: go.synergies.Analysis) -> None:
 
 @pytest.mark.slow
 def test_the_figure_shows_each_hand(analysis: go.synergies.Analysis) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     figure = go.plot(analysis, curve=lambda axes: axes.set_xlabel("number of synergies"))
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
     assert {"joints [rad]", "right hand [mm]", "left hand [mm]"} <= set(panels)
@@ -130,6 +132,7 @@ def test_the_figure_shows_each_hand(analysis: go.synergies.Analysis) -> None:
 
 @pytest.mark.slow
 def test_a_single_hand_keeps_its_columns(arms: list[go.Model]) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     analysis = go.analyse(arms[0], swing(arms[0]))
     assert header_of(analysis.table())[3:] == (
         "hand [m]",
@@ -170,7 +173,7 @@ def test_cuts_that_minimize_the_error_of_the_hands_count_both(both: go.Model) ->
 def test_the_upper_body_is_analysed(shared: Path) -> None:
     person = go.human_upper_body(1.83, 70.0)
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
-    analysis = go.analyse(person, go.read_motion(file))
+    analysis = go.analyse(person, motion_in(file))
     assert analysis.not_found == ()
     errors = analysis.errors
     straight = errors["euclidean_same_segments"]

@@ -41,6 +41,7 @@ def test_synergies_are_a_motion_again(bundled_analysis: go.synergies.Analysis) -
 
 
 def test_tables_in_degrees(bundled_analysis: go.synergies.Analysis) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     radians = bundled_analysis.table()
     degrees = go.drawing.in_degrees(radians)
     assert list(degrees.columns) == [name.replace("[rad]", "[deg]") for name in radians.columns]
@@ -55,6 +56,7 @@ def peaks_of(figure: Figure) -> list[float]:
 @pytest.mark.slow
 def test_figures_in_degrees(bundled_analysis: go.synergies.Analysis) -> None:
     """Labels and ticks, and what is written beside a line that leaves the panel."""
+    pytest.importorskip("geodesic_ocp.drawing")
     figure = go.plot(bundled_analysis)
     label, peaks = figure.axes[1].get_ylabel(), peaks_of(figure)
     degrees = go.drawing.in_degrees(figure).axes[1]

@@ -51,6 +51,7 @@ def test_the_spread_is_that_of_fresh_noise() -> None:
 
 @pytest.mark.slow
 def test_an_analysis_has_a_spread_that_depends_on_its_seed_alone() -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     motion = recorded(3, 1e-3)
     for segments in (go.segment, partial(go.synergies.segment_developed, deviation=0.1)):
         analysis = go.analyse(ARM, motion, metric=METRIC, segments=segments)
