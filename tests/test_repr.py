@@ -12,6 +12,13 @@ from public_names import public_names
 from short_reprs import OF_EXECUTION, OF_RECORDINGS, OF_STUDIES, check_reprs
 
 import geodesic_ocp as go
+from geodesic_ocp.fitting.cost_fit import CostFit
+from geodesic_ocp.fitting.resampling import CrossValidation
+from geodesic_ocp.ocp.callback import Iterate
+from geodesic_ocp.recordings.markers.fit_uncertainty import FitNoise
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
+from geodesic_ocp.studies.equal_numbers import EqualNumbers
+from geodesic_ocp.trajectory.outliers import Outlier
 
 START = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
 TARGET = (0.1, 0.45, 0.1)  # [m]
@@ -19,13 +26,13 @@ TARGET = (0.1, 0.45, 0.1)  # [m]
 OF_A_RETARGETING = {
     go.retargeting.Retargeting,
     go.retargeting.RetargetedArm,
-    go.retargeting.SynergyGroup,
+    SynergyGroup,
     go.retargeting.SynergyPaths,
 }
 # And these in test_reprs.py of execution, test_fit_markers_recording.py and test_fit_cost.py.
 ALONE = {
     go.execution.Replay,
-    go.fitting.CostFit,
+    CostFit,
     go.recordings.MarkerFit,
     go.recordings.MarkerSet,
 }
@@ -55,7 +62,7 @@ def test_repr_of_every_public_value_is_short(
     ]
     metric, both = go.KineticEnergy(arm), go.model.combine(go.human_arm("left"), arm)
     reach = go.Reach(arm, START, TARGET, obstacles=obstacles)
-    iterates: list[go.ocp.Iterate] = []
+    iterates: list[Iterate] = []
     solution = go.solve(
         reach, grid=go.Grid(4, 4), throw=False, callback=iterates.append, ipopt={"max_iter": 2}
     )
@@ -121,21 +128,21 @@ def test_repr_of_every_public_value_is_short(
         ),
         go.synergies.optimal_segmentations(go.Euclidean(7), turn.filtered()),
         go.synergies.spline_knots(go.Euclidean(7), turn.filtered()),
-        go.studies.EqualNumbers(("wave",), ("lines",), np.ones(1), np.ones((1, 1, 1)), "rad"),
+        EqualNumbers(("wave",), ("lines",), np.ones(1), np.ones((1, 1, 1)), "rad"),
         go.studies.compare_metrics(arm, turn, {"lines": go.Euclidean(7)}, rules={}),
         go.fitting.Parameter("armature", 0.05, joints=("?S?_joint",)),
         go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.03, payload=0.5),
         metric_fit,
         go.fitting.error_profile(metric_fit, values=[0.02, 0.03]),
         go.fitting.ConfidenceInterval("armature", 0.02, 0.04, 0.95, "recording", 7),
-        go.fitting.CrossValidation("recording", ("armature",), ()),
+        CrossValidation("recording", ("armature",), ()),
         go.trajectory.Recording(
             arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))
         ),
-        go.recordings.FitNoise(np.zeros((9, 7, 40))),
+        FitNoise(np.zeros((9, 7, 40))),
         go.trajectory.Column("elbow flexion", -1, "deg", 90.0),
         go.fitting.Heterogeneity("armature", 2, 9.0, 0.1, 0.9, ("a", 0.01), ("b", 0.04)),
-        go.trajectory.Outlier("spike", "RSx_joint", 0.2, 0.2, 1.0),
+        Outlier("spike", "RSx_joint", 0.2, 0.2, 1.0),
         go.synergies.Uncertainty(
             2, np.ones(3), np.ones(1), np.full(99, 2), *np.ones((3, 1)), np.ones((99, 3))
         ),

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.logarithm.geodesic_to_pose import ToPose
 
 START = np.array([0.4, 0.1, -0.6, 1.2, 0.2, 0.0, 0.1])
 VELOCITY = np.array([0.5, -0.2, -0.3, 0.4, 0.3, -0.2, 0.2])
@@ -22,14 +23,12 @@ def pose(arm_metric: go.KineticEnergy) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def result(arm: go.Model, pose: tuple[Any, Any]) -> go.logarithm.ToPose:
+def result(arm: go.Model, pose: tuple[Any, Any]) -> ToPose:
     return go.logarithm.geodesic_to_pose(arm, START, *pose)
 
 
 @pytest.mark.slow
-def test_the_result_is_a_geodesic_to_the_pose(
-    arm_metric: go.KineticEnergy, result: go.logarithm.ToPose
-) -> None:
+def test_the_result_is_a_geodesic_to_the_pose(arm_metric: go.KineticEnergy, result: ToPose) -> None:
     assert result.success
     assert result.position_error < 1e-6
     assert result.rotation_error < 1e-6
@@ -42,9 +41,7 @@ def test_the_result_is_a_geodesic_to_the_pose(
 
 
 @pytest.mark.slow
-def test_energy_equals_that_of_reach(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
-) -> None:
+def test_energy_equals_that_of_reach(arm: go.Model, pose: tuple[Any, Any], result: ToPose) -> None:
     """Shooting with a small weight of the energy, and the NLP over the path's nodes."""
     reach = go.solve(go.Reach(arm, START, *pose, limits=False))
     assert result.energy == pytest.approx(reach.stats.energy, rel=1e-5)
@@ -53,7 +50,7 @@ def test_energy_equals_that_of_reach(
 
 @pytest.mark.slow
 def test_the_gradient_of_the_paper_needs_more_steps(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
+    arm: go.Model, pose: tuple[Any, Any], result: ToPose
 ) -> None:
     gradient = go.logarithm.geodesic_to_pose(arm, START, *pose, method="transport")
     assert gradient.success
@@ -63,9 +60,7 @@ def test_the_gradient_of_the_paper_needs_more_steps(
 
 
 @pytest.mark.slow
-def test_position_alone_costs_less(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
-) -> None:
+def test_position_alone_costs_less(arm: go.Model, pose: tuple[Any, Any], result: ToPose) -> None:
     position, rotation = pose
     free = go.logarithm.geodesic_to_pose(arm, START, position)
     turned = go.logarithm.geodesic_to_pose(arm, START, rotation=rotation)
@@ -79,7 +74,7 @@ def test_position_alone_costs_less(
 
 @pytest.mark.slow
 def test_initial_guess_from_inverse_kinematics(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
+    arm: go.Model, pose: tuple[Any, Any], result: ToPose
 ) -> None:
     towards = go.ocp.inverse_kinematics(arm, START, *pose)
     found = go.logarithm.geodesic_to_pose(arm, START, *pose, towards=towards)
@@ -135,4 +130,4 @@ def test_not_converged_reports_the_pose_error(arm: go.Model) -> None:
         go.logarithm.geodesic_to_pose(
             arm, START, position, turned, method="transport", weights=(1.0, 10.0)
         )
-    assert isinstance(raised.value.solution, go.logarithm.ToPose)
+    assert isinstance(raised.value.solution, ToPose)

@@ -17,6 +17,7 @@ from known_problems import PlaneAroundDisc
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.ocp.callback import Iterate
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET = (0.1, 0.45, -0.05)  # [m]
@@ -158,7 +159,7 @@ def test_nlp_can_be_solved_by_another_solver() -> None:
 
 
 def test_callback_receives_every_iterate() -> None:
-    seen: list[go.ocp.Iterate] = []
+    seen: list[Iterate] = []
     solution = go.solve(PlaneAroundDisc(), grid=go.Grid(16, 4), callback=seen.append)
     assert [iterate.number for iterate in seen] == list(range(solution.stats.iterations + 1))
     assert seen[-1].objective == pytest.approx(solution.stats.objective, rel=1e-8)
@@ -233,7 +234,7 @@ def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -
 def test_callback_stops_refinement() -> None:
     grids: list[int] = []
 
-    def second(iterate: go.ocp.Iterate) -> object:
+    def second(iterate: Iterate) -> object:
         grids.append(iterate.number)
         return np.bool_(grids.count(0) == 2)
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from installed_robots import needs_robots
 
 import geodesic_ocp as go
+from geodesic_ocp.retargeting.live import LiveCommand
 from geodesic_ocp.retargeting.paired_arm import gravity_on
 from geodesic_ocp.synergies.segment import OnlineSegmentation
 
@@ -26,14 +27,14 @@ def new_live() -> go.retargeting.LiveRetargeting:
 
 
 def as_trajectory(
-    commands: list[go.retargeting.LiveCommand], robot: go.Model = ROBOT
+    commands: list[LiveCommand], robot: go.Model = ROBOT
 ) -> go.trajectory.JointTrajectory:
     names = ("time", "position", "velocity", "acceleration")
     columns = [np.array([getattr(each, name) for each in commands]) for name in names]
     return go.trajectory.JointTrajectory(*columns, robot.joint_names, robot.units)
 
 
-def speed(command: go.retargeting.LiveCommand) -> float:
+def speed(command: LiveCommand) -> float:
     return float(np.abs(command.velocity).max())
 
 

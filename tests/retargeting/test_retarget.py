@@ -18,6 +18,7 @@ from small_retargeting import small_retargeting
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.paired_arm import REACHED
 from geodesic_ocp.retargeting.result import warn_of_detours
 
@@ -521,7 +522,7 @@ def test_reprs_are_short(found: go.retargeting.Retargeting) -> None:
     assert check_reprs(values) >= {
         go.retargeting.Retargeting,
         go.retargeting.RetargetedArm,
-        go.retargeting.SynergyGroup,
+        SynergyGroup,
     }
 
 

@@ -6,7 +6,6 @@ from .clearance import keep_clear as keep_clear
 from .limits import JointLimits as JointLimits
 from .limits import joint_limits as joint_limits
 from .limits import within_ranges as within_ranges
-from .link_pairs import LinkPairs as LinkPairs
 from .link_pairs import link_pairs as link_pairs
 from .motion_measures import MotionMeasures as MotionMeasures
 from .motion_measures import compare_with_tracking as compare_with_tracking
@@ -16,5 +15,4 @@ from .plan_trajectory import plan_trajectory as plan_trajectory
 from .replay import Replay as Replay
 from .replay import replay as replay
 from .track_within_limits import track_within_limits as track_within_limits
-from .trajectory_clearance import ClearanceReport as ClearanceReport
 from .trajectory_clearance import trajectory_clearance as trajectory_clearance

@@ -1,4 +1,3 @@
-from .cost_fit import CostFit as CostFit
 from .cost_fit import bootstrap_cost as bootstrap_cost
 from .cost_fit import fit_cost as fit_cost
 from .error_profile import ErrorProfile as ErrorProfile
@@ -10,7 +9,6 @@ from .metric_fit import MetricFit as MetricFit
 from .metric_fit import load_metric as load_metric
 from .metric_fit import save_metric as save_metric
 from .parameter import Parameter as Parameter
-from .resampling import CrossValidation as CrossValidation
 from .resampling import Heterogeneity as Heterogeneity
 from .resampling import bootstrap_fit as bootstrap_fit
 from .resampling import heterogeneity as heterogeneity

@@ -1,4 +1,3 @@
-from .callback import Iterate as Iterate
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
 from .inverse_kinematics import inverse_kinematics as inverse_kinematics

@@ -1,11 +1,8 @@
 from .bundled_recording import bundled_recording as bundled_recording
 from .files.angle_tables import Column as Column
 from .files.angle_tables import save_motion as save_motion
-from .filters import MotionFilter as MotionFilter
 from .joint_trajectory import JointTrajectory as JointTrajectory
-from .motion import FrameMotion as FrameMotion
 from .motion import Subject as Subject
-from .outliers import Outlier as Outlier
 from .recording import Recording as Recording
 from .time_law import TimeLaw as TimeLaw
 from .time_law import time_law as time_law
