@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+from house_size import Size, sizes
 from public_names import public_names
+
+import geodesic_ocp as go
+from geodesic_ocp.cli.main import new_app
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp"
 PACKAGE = SOURCE.name
@@ -108,3 +113,67 @@ def test_imports_go_down_the_layers_and_each_thing_has_one_place() -> None:
     del graph[""]
     TopologicalSorter(graph).prepare()  # raises on a circle and names it
     assert not [name for name, count in classes.items() if count > 1], "classes share a name"
+
+
+# What there is to read and to learn. Ceilings only go down, unless a new capability says in the
+# change that raises one what it costs.
+CEILINGS = {
+    ".": Size(nodes=11565, nodes_per_line=7.22, packed=2, constants=8),
+    "cli": Size(nodes=11280, nodes_per_line=6.14, packed=0, constants=13),
+    "compiled": Size(nodes=3054, nodes_per_line=5.68, packed=0, constants=10),
+    "drawing": Size(nodes=36923, nodes_per_line=7.77, packed=1, constants=178),
+    "execution": Size(nodes=27127, nodes_per_line=7.8, packed=4, constants=90),
+    "fitting": Size(nodes=9386, nodes_per_line=7.21, packed=0, constants=28),
+    "logarithm": Size(nodes=13555, nodes_per_line=7.05, packed=0, constants=83),
+    "manifold": Size(nodes=9935, nodes_per_line=7.39, packed=0, constants=23),
+    "model": Size(nodes=32769, nodes_per_line=7.86, packed=3, constants=41),
+    "ocp": Size(nodes=34156, nodes_per_line=7.53, packed=1, constants=168),
+    "recordings": Size(nodes=36817, nodes_per_line=7.13, packed=3, constants=98),
+    "retargeting": Size(nodes=30840, nodes_per_line=7.29, packed=2, constants=141),
+    "studies": Size(nodes=17065, nodes_per_line=6.37, packed=0, constants=18),
+    "synergies": Size(nodes=13552, nodes_per_line=7.28, packed=1, constants=25),
+    "trajectory": Size(nodes=20134, nodes_per_line=7.81, packed=0, constants=55),
+}
+NAMES_ON_TOP = 55
+PUBLIC_NAMES = 173
+PARAMETERS = 539  # of public functions
+PARAMETERS_OF_ONE = 20
+OPTIONS = 264  # of all commands
+WORDS = 49352  # of README, CONTRIBUTING and the guides
+
+
+def test_rooms_do_not_grow() -> None:
+    found = sizes(SOURCE)
+    assert set(found) == set(CEILINGS)
+    for room, size in found.items():
+        ceiling = CEILINGS[room]
+        for name, value in vars(size).items():
+            most = getattr(ceiling, name)
+            assert value <= most, f"{room} has {value} {name}, at most {most} are planned"
+
+
+def test_the_interface_does_not_grow() -> None:
+    names = public_names()
+    assert len(go.__all__) <= NAMES_ON_TOP
+    assert len(names) <= PUBLIC_NAMES
+    functions = [each for each in names.values() if inspect.isfunction(each)]
+    counts = {each.__name__: len(inspect.signature(each).parameters) for each in functions}
+    assert max(counts.values()) <= PARAMETERS_OF_ONE, counts
+    assert sum(counts.values()) <= PARAMETERS
+    assert number_of_options() <= OPTIONS
+
+
+def test_the_guides_do_not_grow() -> None:
+    root = SOURCE.parents[1]
+    docs = root / "docs"
+    folders = (docs, docs / "how-to", docs / "explanation")
+    pages = [root / "README.md", root / "CONTRIBUTING.md"]
+    pages += [page for folder in folders for page in folder.glob("*.md")]
+    assert sum(len(page.read_text().split()) for page in pages) <= WORDS
+
+
+def number_of_options() -> int:
+    """Number of the options and arguments of all commands."""
+    app = new_app()
+    commands = [name for name in app if not name.startswith("-")]
+    return sum(len(app[name].assemble_argument_collection()) for name in commands)
