@@ -282,5 +282,5 @@ def test_without_mujoco_the_message_names_the_extra(
     arm: go.Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(ImportError, match=r"pip install 'geodesic_ocp\[mujoco\]'"):
+    with pytest.raises(ImportError, match=r"pip install 'geodesic_ocp\[robots\]'"):
         replay(reach(arm, 0.5), arm)
