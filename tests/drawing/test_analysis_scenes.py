@@ -9,6 +9,7 @@ import pytest
 from marked_motion import HEIGHT, MMM_MARKERS, angles, marked
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.playback_of import playback_of
 from geodesic_ocp.drawing.recording_scenes import (
     CUTS,
     analysis_playback,
@@ -72,13 +73,15 @@ def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.synergies
 
 @pytest.mark.slow
 def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.synergies.Analysis) -> None:
-    analysis = replace(bundled_analysis)  # which does not know yet
-    stable = analysis.uncertainty(2).stable
-    _, *spans = analysis_playback(analysis).spans["synergies"]
+    uncertainty = bundled_analysis.uncertainty(2)
+    stable = uncertainty.stable
+    _, *spans = playback_of(bundled_analysis, uncertainty).spans["synergies"]
     assert 0 < stable.sum() < len(stable)
     for span, sure in zip(spans, stable, strict=True):
         assert span.cut == ("stable" if sure else "doubtful")
         assert span.text.endswith(f", {span.cut} cut before it")
+    # An analysis does not remember it.
+    assert all(span.cut is None for span in playback_of(bundled_analysis).spans["synergies"])
 
 
 def test_every_other_prediction_is_a_layer_that_is_off_at_first(

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, as_vector, settle
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.logarithm.log import find_geodesics, find_shortest
@@ -37,7 +37,7 @@ class Geodesic(Path):
         super().__post_init__()
         velocity = as_vector("velocity", self.velocity, self.metric.dim)
         velocity.flags.writeable = False
-        object.__setattr__(self, "velocity", velocity)
+        settle(self, velocity=velocity)
 
     @cached_property
     def certificate(self) -> Certificate:

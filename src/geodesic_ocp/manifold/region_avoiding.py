@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate
+from geodesic_ocp.arrays import Array, as_vector, evaluate, settle
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.model.model import Model
 
@@ -146,10 +146,10 @@ class RegionAvoiding(Metric):
         )
         if not np.all(given > 0.0):
             raise ValueError(f"margin must be positive, got {self.margin}")
-        object.__setattr__(self, "margin", tuple(given.tolist()) if several else float(given[0]))
+        settle(self, margin=tuple(given.tolist()) if several else float(given[0]))
         if self.configuration is not None:
             configuration = tuple(as_vector("configuration", self.configuration, self.dim).tolist())
-            object.__setattr__(self, "configuration", configuration)
+            settle(self, configuration=configuration)
         _ = self._barrier  # evaluates the functions, so that their errors are raised here
 
     def __repr__(self) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, is_symbolic, real_array
+from geodesic_ocp.arrays import Array, is_symbolic, real_array, settle
 from geodesic_ocp.blocks import Instance
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.primitives import Obstacle
@@ -239,7 +239,7 @@ def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
             raise ValueError(f"parameter {name!r} must be a field with finite numbers")
         shape = value.shape if value.ndim == 2 else (value.size, 1)
         symbol = ca.SX.sym(name, *shape)
-        object.__setattr__(symbolic, name, symbol)
+        settle(symbolic, **{name: symbol})
         symbols.append(ca.vec(symbol))
         numbers.append(value.ravel(order="F"))
     return symbolic, _Parameters(ca.vertcat(*symbols), np.concatenate(numbers))

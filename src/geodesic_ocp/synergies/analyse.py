@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import lru_cache
 from inspect import signature
 from itertools import chain
 from pathlib import Path as FilePath
@@ -246,19 +246,8 @@ class Analysis:
         Args:
             effort: see `second_order`.
         """
-        known = self._predicted_at_second_order
-        for name in second_order_names(effort):
-            if name not in known:
-                predict = SECOND_ORDER[name].predict
-                known[name] = None
-                with suppress(NotConverged):
-                    known[name] = predict(self.metric, self.model, self.motion, self.segments)
-        return {name: found for name, found in known.items() if found is not None}
-
-    @cached_property
-    def _predicted_at_second_order(self) -> dict[str, Motion | None]:
-        """Predictions that have been computed, None for what was not found."""
-        return {}
+        every = {name: _second_order(self, name) for name in second_order_names(effort)}
+        return {name: found for name, found in every.items() if found is not None}
 
     def uncertainty(
         self, replicates: int = 100, *, seed: int = 0, progress: Progress | None = None
@@ -280,26 +269,10 @@ class Analysis:
                 "how the segments were found is not known: give analyse a function of metric and "
                 "motion, such as segments=go.segment"
             )
-        known = self._uncertainties
-        key = (replicates, seed)
-        if key not in known:
-            own = self.model, self.metric, self.motion, self.segments, self.cutting
-            known[key] = bootstrap(
-                *own, noise=self.noise, replicates=replicates, seed=seed, progress=progress
-            )
-        return known[key]
-
-    @property
-    def known_uncertainty(self) -> Uncertainty | None:
-        """What `uncertainty` has returned last, by which the viewer marks cuts; None if it was not
-        asked for.
-        """
-        return next(reversed(self._uncertainties.values()), None)
-
-    @cached_property
-    def _uncertainties(self) -> dict[tuple[int, int], Uncertainty]:
-        """What has been computed, by number of replicates and seed."""
-        return {}
+        own = self.model, self.metric, self.motion, self.segments, self.cutting
+        return bootstrap(
+            *own, noise=self.noise, replicates=replicates, seed=seed, progress=progress
+        )
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
@@ -371,6 +344,15 @@ class Analysis:
             )
 
         return write_together(folder, write)
+
+
+@lru_cache(maxsize=64)
+def _second_order(analysis: Analysis, name: str) -> Motion | None:
+    """Return one of `SECOND_ORDER` on the segments of an analysis; None if it was not found."""
+    with suppress(NotConverged):
+        predict = SECOND_ORDER[name].predict
+        return predict(analysis.metric, analysis.model, analysis.motion, analysis.segments)
+    return None
 
 
 @shows_progress
