@@ -195,7 +195,7 @@ def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_pat
     with pytest.raises(ValueError, match="measure must be one of joint, position, orientation"):
         draw_curves(axes, comparison, "hand")
 
-    files = comparison.save(tmp_path / "new")
+    files = comparison.save(tmp_path / "new", figure=go.plot(comparison))
     assert {file.name for file in files} == {"table.csv", "table.md", "figure.png", "figure.pdf"}
     assert (tmp_path / "new" / "table.csv").read_text().count("\n") == 1 + 2 * (9 + 1)
 
