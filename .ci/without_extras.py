@@ -16,7 +16,7 @@ import numpy as np
 import geodesic_ocp as go
 from geodesic_ocp.cli.main import main
 
-for package in ("distributed", "mujoco", "pink", "pyarrow", "ruckig", "toppra"):
+for package in ("daqp", "distributed", "mujoco", "pink", "playwright", "pyarrow", "yaml"):
     assert importlib.util.find_spec(package) is None, f"{package} is installed"
 modules = [each.name for each in pkgutil.walk_packages(go.__path__, f"{go.__name__}.")]
 for module in modules:
@@ -28,11 +28,10 @@ grid = go.Grid(1, 3)
 begin = (arm.lower + arm.upper) / 2.0
 line = go.Path(go.Euclidean(arm.dof), grid, begin + np.outer(grid.nodes, np.full(arm.dof, 0.1)))
 paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
-planned = go.plan_trajectory([paths])
+planned = go.execution.plan_trajectory([paths])
 trajectory = planned.sampled(100.0)
-assert go.check_trajectory(trajectory, arm, limits).passed
+assert go.execution.check_trajectory(trajectory, arm, limits).passed
 poses = arm.hand_pose(trajectory.positions)
-assert go.execution.track_within_limits(arm, begin, trajectory.time, poses, limits).rate == 200.0
 
 
 def command(*words: str) -> None:
@@ -51,10 +50,15 @@ assert not list(Path("plain").glob("*.parquet"))
 Path("recordings.parquet").write_bytes(b"PAR1")
 
 NEEDED: list[tuple[str, Callable[[], object]]] = [
-    ("mujoco", lambda: go.execution.replay(trajectory, arm)),
-    ("mujoco", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
+    ("robots", lambda: go.execution.replay(trajectory, arm)),
+    ("robots", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
+    (
+        "robots",
+        lambda: go.execution.track_within_limits(arm, begin, trajectory.time, poses, limits),
+    ),
+    ("show", lambda: go.show(line, arm, file="line.png")),
     ("cluster", lambda: command(*many, "--scheduler", "tcp://127.0.0.1:8786")),
-    ("parquet", lambda: go.study("recordings.parquet")),
+    ("people", lambda: go.study("recordings.parquet")),
 ]
 for extra, use in NEEDED:
     try:

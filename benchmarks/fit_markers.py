@@ -170,7 +170,7 @@ def analyses(motions: dict[str, tuple[go.Model, go.Motion]]) -> DataFrame:
     """Segments and errors of every motion, by filter, metric, threshold and cuts."""
     rows: list[tuple[str | int | float, ...]] = []
 
-    def add(name: str, how: str, label: str, analysis: go.Analysis) -> None:
+    def add(name: str, how: str, label: str, analysis: go.synergies.Analysis) -> None:
         errors = analysis.errors["riemannian"]
         lines = analysis.errors["euclidean_same_segments"].orientation
         row = (
@@ -223,7 +223,7 @@ def analyses(motions: dict[str, tuple[go.Model, go.Motion]]) -> DataFrame:
     return new_table(header, tuple(rows))
 
 
-def by_wrist(analysis: go.Analysis) -> float:
+def by_wrist(analysis: go.synergies.Analysis) -> float:
     """Mean error of the hand's orientation [rad] if Wx and Wy are as predicted, others observed."""
     q = analysis.motion.q.copy()
     columns = [analysis.motion.joint_names.index(name) for name in WRIST[1:]]

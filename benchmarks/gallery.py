@@ -42,7 +42,7 @@ def motion_row(problem_class: type[go.MotionProblem], options: argparse.Namespac
     seconds = time.perf_counter() - start
     if options.pictures:
         picture = GALLERY / "pictures" / f"{problem_class.__name__}.png"
-        motion.plot().savefig(picture, dpi=110)
+        go.plot(motion).savefig(picture, dpi=110)
     variables = motion.knots.size + motion.coefficients.size
     shown = problem_class.__name__, variables, "", motion.iterations, f"{seconds:.2f}"
     return f"| {' | '.join(map(str, shown))} | | {motion.violation[0]:.0e} | |"
@@ -63,7 +63,7 @@ def row(problem_class: type[go.Problem], options: argparse.Namespace) -> str:
     if options.pictures:
         folder = GALLERY / "pictures"
         folder.mkdir(exist_ok=True)
-        solution.plot().savefig(folder / f"{name}.png", dpi=90)
+        go.plot(solution).savefig(folder / f"{name}.png", dpi=90)
     return (
         f"| {name} | {stats.variables} | {stats.constraints} | {stats.iterations} | "
         f"{seconds:.2f} | {stats.max_node_violation:.0e} | {stats.max_path_violation:.0e} "

@@ -63,7 +63,9 @@ def main() -> None:
     print(*np.percentile(steps, [50, 99, 99.9, 100]).round(2))
 
 
-def _row(analysis: go.Analysis, arm: Any, stretch: float, steps: list[float]) -> list[Any]:
+def _row(
+    analysis: go.synergies.Analysis, arm: Any, stretch: float, steps: list[float]
+) -> list[Any]:
     """Entries of the table for one recording and robot; times of steps [ms] are added."""
     motion = analysis.motion
     raw = go.Motion(motion.time, motion.unfiltered, motion.joint_names).resampled(RATE)
@@ -83,7 +85,9 @@ def _row(analysis: go.Analysis, arm: Any, stretch: float, steps: list[float]) ->
         each = arm.statistics[name]
         shown += [1e3 * each.position, float(np.degrees(each.orientation))]
         shown += [stretch] if name == "synergies" else []
-    checked = go.check_trajectory(trajectory, arm.robot, limits=arm.limits, gravity=arm.gravity)
+    checked = go.execution.check_trajectory(
+        trajectory, arm.robot, limits=arm.limits, gravity=arm.gravity
+    )
     shown += [float(checked.usage[kind].max()) for kind in KINDS]
     offline = [motion.time[start] for start, _ in analysis.segments]
     near = sum(np.abs(np.array(cuts) - cut).min() <= 0.05 for cut in offline)
@@ -93,7 +97,7 @@ def _row(analysis: go.Analysis, arm: Any, stretch: float, steps: list[float]) ->
 
 def replayed(
     person: go.Model, arm: Any, raw: go.Motion
-) -> tuple[go.JointTrajectory, tuple[float, ...], list[float]]:
+) -> tuple[go.trajectory.JointTrajectory, tuple[float, ...], list[float]]:
     """The commands to a recording that is fed sample by sample, cuts, and times of steps [ms]."""
     start = np.clip(arm.motion.q[0], arm.robot.lower, arm.robot.upper)
     live = go.retargeting.LiveRetargeting(
@@ -114,7 +118,11 @@ def replayed(
     for instant in raw.time[-1] + np.arange(1, 101) / RATE:  # until it rests
         commands.append(live.step(instant))
     columns = [[getattr(each, name) for each in commands] for name in ("time", *STATES)]
-    return go.JointTrajectory(*columns, arm.robot.joint_names, arm.robot.units), live.cuts, taken
+    return (
+        go.trajectory.JointTrajectory(*columns, arm.robot.joint_names, arm.robot.units),
+        live.cuts,
+        taken,
+    )
 
 
 if __name__ == "__main__":

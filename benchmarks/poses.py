@@ -45,7 +45,7 @@ def run(name: str, count: int, seed: int, formulation: Formulation) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = go.load_model(name)
-    settings = go.RetargetingSettings(formulation=formulation, speed_limits=False)
+    settings = go.retargeting.RetargetingSettings(formulation=formulation, speed_limits=False)
     arm = with_narrowed_limits(model, TOLERANCE) if settings.within_limits else model
     rng = np.random.default_rng(seed)
     seconds, iterations, num_reached, worst = [], [], 0, 0.0
@@ -87,7 +87,7 @@ def run(name: str, count: int, seed: int, formulation: Formulation) -> int:
 
 def by_the_program(
     arm: go.Model,
-    settings: go.RetargetingSettings,
+    settings: go.retargeting.RetargetingSettings,
     start: np.ndarray,
     pose: Pose,
     middle: np.ndarray,

@@ -63,7 +63,7 @@ def problems(name: str, count: int, seed: int) -> list[go.Reach]:
     return [go.Reach(model, start, model.hand_pose(end)[1]) for start, end in ends]
 
 
-def solved(reach: go.Reach) -> tuple[go.Solution, float]:
+def solved(reach: go.Reach) -> tuple[go.ocp.Solution, float]:
     """Return the solution, or the last iterate, and processor seconds."""
     begin = time.process_time()
     solution = go.solve(reach, tolerance=TOLERANCE, throw=False)

@@ -120,7 +120,7 @@ def main() -> None:
         sys.exit("\n".join(lines))
 
 
-def _recordings(given: list[str]) -> list[tuple[str, go.Analysis]]:
+def _recordings(given: list[str]) -> list[tuple[str, go.synergies.Analysis]]:
     found = []
     for each in given:
         file, _, side = each.partition(":")
@@ -131,14 +131,14 @@ def _recordings(given: list[str]) -> list[tuple[str, go.Analysis]]:
     return found
 
 
-def _read(file: Path, side: Any) -> go.Analysis:
+def _read(file: Path, side: Any) -> go.synergies.Analysis:
     motion = go.read_motion(file, go.human_arm(side).joint_names)
     arm = go.human_arm(side, motion.subject.height or 1.75, motion.subject.mass or 70.0)
     return go.analyse(arm, motion)
 
 
 def _run(
-    analysis: go.Analysis,
+    analysis: go.synergies.Analysis,
     model: go.Model,
     options: argparse.Namespace,
     compared: list[dict[str, MotionMeasures]],

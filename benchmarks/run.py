@@ -70,16 +70,16 @@ def run(options: argparse.Namespace) -> int:
     plots.save_distributions(options.out / "logarithmic_maps", logs, title)
     add(
         "Many logarithmic maps in one call",
-        maps.batch(arm, random_pairs(arm, FRACTION, 12 if quick else 500, seed=1)),
+        maps.batch(arm, random_pairs(arm, FRACTION, 4 if quick else 500, seed=1)),
     )
-    add(f"Exponential map, {arm.name}", maps.exponential_maps(arm, pairs[: 5 if quick else 50]))
-    add("Paths under constraints, to a tolerance of 1e-6", constrained(5 if quick else 40))
-    add("Recordings", recordings(2 if quick else 5))
-    add("A new process", start_up(2 if quick else 5))
+    add(f"Exponential map, {arm.name}", maps.exponential_maps(arm, pairs[: 2 if quick else 50]))
+    add("Paths under constraints, to a tolerance of 1e-6", constrained(1 if quick else 40))
+    add("Recordings", recordings(1 if quick else 5, robots=not quick))
+    add("A new process", start_up(1 if quick else 5))
     if not quick:
         add("Two uniform rods", other_packages.geomstats(options.python, 20))
         add("Panda", other_packages.pygeodex(options.python, 10))
-    curves = growth(SIZES[:3], 3, arms=False) if quick else growth(SIZES, 10, arms=True)
+    curves = growth(SIZES[:2], 1, arms=False) if quick else growth(SIZES, 10, arms=True)
     plots.save_growth(options.out / "growth", curves)
     texts.append(report.growth_table(curves))
     print(texts[-1])

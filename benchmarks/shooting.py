@@ -47,7 +47,7 @@ def _compare(name: str, model: go.Model, size: float, count: int, seed: int) -> 
         for method in methods:
             begin = time.perf_counter()
             try:
-                to = go.geodesic_to_pose(
+                to = go.logarithm.geodesic_to_pose(
                     model, start, position, rotation, method=method, throw=False
                 )
                 reached = to.success and max(to.position_error, to.rotation_error) <= REACHED

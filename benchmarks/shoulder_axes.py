@@ -51,7 +51,7 @@ def measured(motion: go.Motion, arm: go.Model) -> tuple[float, ...]:
     recording = go.trajectory.Recording(arm, motion.filtered())
     analysis = go.analyse(arm, recording.motion)
     errors = analysis.errors["riemannian"]
-    fit = go.fit_metric(recording)
+    fit = go.fitting.fit_metric(recording)
     return (len(analysis.synergies), errors.joint, errors.position, *fit.values.values())
 
 

@@ -65,7 +65,11 @@ def main() -> None:
         height = float(motion.subject.height or 0.0)
         person = go.human_upper_body(height, MASS)
         arms = [go.human_arm(side, height, MASS) for side in SIDES]
-        systems = {"arms apart": arms, "both arms": [go.combine(*arms)], "upper body": [person]}
+        systems = {
+            "arms apart": arms,
+            "both arms": [go.model.combine(*arms)],
+            "upper body": [person],
+        }
         motion = motion.select(person.joint_names).filtered()
         print(f"\n## {file.stem}: {motion.duration:.1f} s, {motion.filter}\n", flush=True)
         print(
@@ -129,7 +133,7 @@ def _random_logs(count: int, seed: int = 1) -> None:
     right, left = (go.human_arm(side) for side in SIDES)
     systems = {
         "one arm": right,
-        "both arms": go.combine(right, left),
+        "both arms": go.model.combine(right, left),
         "upper body": go.human_upper_body(),
     }
     print("| metric | system | range | found | median [ms] | longest [ms] |")

@@ -17,7 +17,7 @@ SHOULDERS = ((-0.2, 0.0, 0.0), (0.2, 0.0, 0.0))  # [m] from the base of the neck
 
 def both_arms() -> go.Model:
     """Both arms of a person; the hand (end-effector) is the left one."""
-    return go.combine(go.human_arm("left"), go.human_arm("right"), placements=SHOULDERS)
+    return go.model.combine(go.human_arm("left"), go.human_arm("right"), placements=SHOULDERS)
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ class PandaBox(go.Problem):
     def guess(self, s: np.ndarray) -> np.ndarray:
         """The straight line to a configuration at the target, with the elbow raised on the way."""
         start = np.array(self.start)
-        goal = go.inverse_kinematics(self.robot, start * [-1, 1, 1, 1, 1, 1, 1], self.target)
+        goal = go.ocp.inverse_kinematics(self.robot, start * [-1, 1, 1, 1, 1, 1, 1], self.target)
         return (
             start
             + s[:, None] * (goal - start)

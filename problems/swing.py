@@ -52,7 +52,7 @@ class Swing(go.Problem):
 
     @property
     def metric(self) -> go.Metric:
-        return go.JacobiMetric(
+        return go.manifold.JacobiMetric(
             self.arm, self.speed**2 / 2.0 + self.arm.potential_energy(self.start)
         )
 

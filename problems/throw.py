@@ -43,7 +43,7 @@ class Throw(go.Problem):
     @property
     def metric(self) -> go.Metric:
         kinetic = self.ball.mass * self.speed**2 / 2.0
-        return go.JacobiMetric(self.ball, kinetic + self.ball.potential_energy(self.start))
+        return go.manifold.JacobiMetric(self.ball, kinetic + self.ball.potential_energy(self.start))
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
         return [(q0, self.start, "hand"), (q1, self.goal, "basket")]

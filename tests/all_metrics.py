@@ -23,14 +23,14 @@ METRICS: dict[str, Callable[[], go.Metric]] = {
     "Euclidean": lambda: go.Euclidean(3),
     "planar arm": planar,
     "human arm": lambda: go.KineticEnergy(go.human_arm("left", 1.0, 1.0)),
-    "gravity": lambda: go.JacobiMetric(go.human_arm("right", 1.0, 1.0), 2.0),
-    "region": lambda: go.RegionAvoiding(
+    "gravity": lambda: go.manifold.JacobiMetric(go.human_arm("right", 1.0, 1.0), 2.0),
+    "region": lambda: go.manifold.RegionAvoiding(
         planar(),
         lambda q: [q[0] - 0.7, 1.8 - q[1], ca.norm_2(q) - 1.1],
         margin=0.3,
         configuration=(1.0, 1.0),
     ),
-    "joint limits": lambda: go.RegionAvoiding(
+    "joint limits": lambda: go.manifold.RegionAvoiding(
         go.KineticEnergy(
             planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)).with_limits(
                 [0.5, 0.4], [2.0, 2.2]
@@ -38,7 +38,7 @@ METRICS: dict[str, Callable[[], go.Metric]] = {
         )
     ),
     "both arms": lambda: go.KineticEnergy(
-        go.combine(
+        go.model.combine(
             planar_arm((1.0,), (2.0,), (0.5,), (0.1,)),
             planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)),
         )

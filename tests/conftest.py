@@ -13,6 +13,7 @@ from typing import Any
 import hypothesis
 import numpy as np
 import pytest
+from motion_files import motion_in
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled.library import ENVIRONMENT_VARIABLE as COMPILER_VARIABLE
@@ -110,6 +111,6 @@ def bundled_file() -> Path:
 
 
 @pytest.fixture(scope="session")
-def bundled_analysis(bundled_file: Path) -> go.Analysis:
+def bundled_analysis(bundled_file: Path) -> go.synergies.Analysis:
     """The analysis of the bundled recording, with the default settings."""
-    return go.analyse(go.human_arm("left", 1.78), go.read_motion(bundled_file))
+    return go.analyse(go.human_arm("left", 1.78), motion_in(bundled_file))

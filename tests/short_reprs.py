@@ -6,17 +6,22 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-import geodesic_ocp as go
+from repr_size import CHARACTERS, LINES
 
-LINES, CHARACTERS = 3, 300
+import geodesic_ocp as go
+from geodesic_ocp.execution.link_pairs import LinkPairs
+from geodesic_ocp.execution.trajectory_clearance import ClearanceReport
+from geodesic_ocp.recordings.markers.marker_fit import LostMarker
+from geodesic_ocp.trajectory.motion import FrameMotion
+
 # Public values that are checked in test_reprs.py of their folders, and not in tests/test_repr.py.
 OF_EXECUTION = {
     go.execution.ArmPaths,
     go.execution.Clearance,
-    go.execution.ClearanceReport,
+    ClearanceReport,
     go.execution.JointLimits,
-    go.JointTrajectory,
-    go.execution.LinkPairs,
+    go.trajectory.JointTrajectory,
+    LinkPairs,
     go.execution.MotionMeasures,
     go.execution.PlannedTrajectory,
     go.execution.TrajectoryCheck,
@@ -24,8 +29,8 @@ OF_EXECUTION = {
 OF_RECORDINGS = {
     go.recordings.AngleConvention,
     go.recordings.AxisRotation,
-    go.trajectory.FrameMotion,
-    go.recordings.LostMarker,
+    FrameMotion,
+    LostMarker,
     go.recordings.Markers,
     go.recordings.OsimConvention,
     go.recordings.SegmentOrientations,

@@ -10,7 +10,7 @@ import geodesic_ocp as go
 
 
 @cache
-def small_analysis() -> go.Analysis:
+def small_analysis() -> go.synergies.Analysis:
     """Of the reach for the box in the bundled recording."""
     whole = go.trajectory.bundled_recording()
     return go.analyse(whole.model, whole.motion.part(260, 429), metric="kinetic")
@@ -29,7 +29,7 @@ def small_retargeting(speed: float = 2.5, name: str = "robot") -> go.retargeting
 
 
 @cache
-def both_analyses() -> tuple[go.Analysis, go.Analysis]:
+def both_analyses() -> tuple[go.synergies.Analysis, go.synergies.Analysis]:
     """Of the right and the left arm; the right one moves as the mirrored left one."""
     analysis = small_analysis()
     motion = analysis.motion
@@ -44,5 +44,5 @@ def both_analyses() -> tuple[go.Analysis, go.Analysis]:
 def both_arms() -> go.retargeting.Retargeting:
     """Both arms of a person on two robots, a right arm and a left one."""
     robots = [go.human_arm(side, 1.95) for side in ("right", "left")]
-    settings = go.RetargetingSettings(merge=0.4, drop=0.3, speed_limits=False)
+    settings = go.retargeting.RetargetingSettings(merge=0.4, drop=0.3, speed_limits=False)
     return go.retargeting.retarget_arms(both_analyses(), robots, tolerance=1e-4, settings=settings)

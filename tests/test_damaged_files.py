@@ -75,8 +75,8 @@ def read_synergies(file: Path) -> None:
 
 
 def read_solution(file: Path) -> None:
-    go.load_solution(file)
-    go.load_solution(file, PlaneAroundDisc())
+    go.ocp.load_solution(file)
+    go.ocp.load_solution(file, PlaneAroundDisc())
 
 
 def use_result(file: Path) -> None:

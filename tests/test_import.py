@@ -20,7 +20,7 @@ arm, motion = recording.model, recording.motion
 go.log(go.KineticEnergy(arm), motion.q[790], motion.q[-1])
 analysis = go.analyse(arm, motion.part(790, len(motion) - 1))
 assert "matplotlib" not in sys.modules
-analysis.plot()
+go.plot(analysis)
 """
 
 
@@ -52,26 +52,6 @@ def test_every_name_can_be_imported() -> None:
     assert all(callable(value) for value in names.values())
     assert len({name.rpartition(".")[2] for name in names}) == len(names), "two of one name"
     assert set(go.__all__) < set(dir(go))
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("Markers", "recordings.Markers"),
-        ("evaluate", "synergies.motion_errors"),
-        ("minimum_jerk", "baselines.minimum_jerk"),
-    ],
-)
-def test_names_of_the_version_before_warn(old: str, new: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"{old} is now geodesic_ocp.{new}") as caught:
-        assert getattr(go, old) is public_names()[new]
-    assert caught[0].filename == __file__
-
-
-@pytest.mark.parametrize("old", ["figures", "viewer"])
-def test_namespaces_that_became_one_warn(old: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"{old} is now geodesic_ocp.drawing"):
-        assert getattr(go, old) is go.drawing
 
 
 def test_unknown_names_are_attribute_errors() -> None:

@@ -53,7 +53,7 @@ def problem(request: pytest.FixtureRequest) -> go.Problem:
 
 
 @pytest.fixture(scope="module")
-def solution(problem: go.Problem) -> go.Solution:
+def solution(problem: go.Problem) -> go.ocp.Solution:
     return go.solve(problem)
 
 
@@ -68,7 +68,7 @@ def test_class_has_a_docstring(problem: go.Problem) -> None:
 
 
 def test_solve_converges_and_meets_all_conditions(
-    problem: go.Problem, solution: go.Solution
+    problem: go.Problem, solution: go.ocp.Solution
 ) -> None:
     assert solution.stats.success
     assert solution.stats.max_node_violation < 1e-7
@@ -79,12 +79,12 @@ def test_solve_converges_and_meets_all_conditions(
 
 
 @pytest.mark.slow
-def test_solution_is_locally_minimizing(solution: go.Solution) -> None:
+def test_solution_is_locally_minimizing(solution: go.ocp.Solution) -> None:
     assert solution.certificate.locally_shortest
 
 
 @pytest.mark.slow
-def test_energy_converges_with_the_grid(problem: go.Problem, solution: go.Solution) -> None:
+def test_energy_converges_with_the_grid(problem: go.Problem, solution: go.ocp.Solution) -> None:
     """The energy hardly changes with twice as many segments."""
     grid = problem.grid
     # On a given grid, conditions may be violated between the nodes.
@@ -101,12 +101,14 @@ def test_energy_converges_with_the_grid(problem: go.Problem, solution: go.Soluti
 
 
 @pytest.mark.slow
-def test_conditions_hold_between_the_nodes(problem: go.Problem, solution: go.Solution) -> None:
+def test_conditions_hold_between_the_nodes(problem: go.Problem, solution: go.ocp.Solution) -> None:
     refined = go.solve(problem, tolerance=1e-6, guess=solution)
     assert refined.stats.max_path_violation <= 1e-6
 
 
-def test_speed_is_constant_without_constraints(problem: go.Problem, solution: go.Solution) -> None:
+def test_speed_is_constant_without_constraints(
+    problem: go.Problem, solution: go.ocp.Solution
+) -> None:
     if is_constrained(problem):
         pytest.skip("constraint forces may do work")
     path = solution.path
@@ -115,7 +117,9 @@ def test_speed_is_constant_without_constraints(problem: go.Problem, solution: go
     assert speeds == pytest.approx([path.length] * 11, rel=1e-4)
 
 
-def test_solution_agrees_with_its_closed_form(problem: go.Problem, solution: go.Solution) -> None:
+def test_solution_agrees_with_its_closed_form(
+    problem: go.Problem, solution: go.ocp.Solution
+) -> None:
     s, path = np.linspace(0.0, 1.0, 21), solution.path
     if problem.exact_length is None and problem.exact(s) is None:
         pytest.skip("no closed form is known")
@@ -128,14 +132,14 @@ def test_solution_agrees_with_its_closed_form(problem: go.Problem, solution: go.
 
 
 @pytest.mark.slow
-def test_figure_has_labels_and_is_written(solution: go.Solution, tmp_path: Path) -> None:
-    figure = solution.plot()
+def test_figure_has_labels_and_is_written(solution: go.ocp.Solution, tmp_path: Path) -> None:
+    figure = go.plot(solution)
     assert all(axes.get_ylabel() for axes in figure.axes if axes.axison and len(axes.get_yticks()))
     figure.savefig(tmp_path / "picture.png", dpi=20)
 
 
 @pytest.mark.slow
-def test_solution_is_shown(problem: go.Problem, solution: go.Solution) -> None:
+def test_solution_is_shown(problem: go.Problem, solution: go.ocp.Solution) -> None:
     playback = playback_of(solution)
     check(playback)
     (scene,) = playback.scenes
@@ -149,9 +153,9 @@ def test_solution_is_shown(problem: go.Problem, solution: go.Solution) -> None:
 
 @pytest.mark.slow
 def test_solution_is_saved_and_read(
-    problem: go.Problem, solution: go.Solution, tmp_path: Path
+    problem: go.Problem, solution: go.ocp.Solution, tmp_path: Path
 ) -> None:
-    again = go.load_solution(solution.save(tmp_path / "solution.json"), problem)
+    again = go.ocp.load_solution(solution.save(tmp_path / "solution.json"), problem)
     assert again.path.energy == solution.path.energy
     assert again.stats == solution.stats
 
@@ -179,7 +183,7 @@ def test_motions_are_solved_and_drawn(motion_class: type[go.MotionProblem], tmp_
     found = go.solve(motion_class())
     assert found.success
     assert found.violation[0] <= 1e-4
-    assert all(axes.get_ylabel() for axes in found.plot().axes)
+    assert all(axes.get_ylabel() for axes in go.plot(found).axes)
     found.to_trajectory().save(tmp_path / "motion.csv")
     assert go.read_trajectory(tmp_path / "motion.csv").duration == pytest.approx(found.duration)
     assert playback_of(found).scenes[0].solids or not found.problem.obstacles

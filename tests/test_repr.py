@@ -12,6 +12,13 @@ from public_names import public_names
 from short_reprs import OF_EXECUTION, OF_RECORDINGS, OF_STUDIES, check_reprs
 
 import geodesic_ocp as go
+from geodesic_ocp.fitting.cost_fit import CostFit
+from geodesic_ocp.fitting.resampling import CrossValidation
+from geodesic_ocp.ocp.callback import Iterate
+from geodesic_ocp.recordings.markers.fit_uncertainty import FitNoise
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
+from geodesic_ocp.studies.equal_numbers import EqualNumbers
+from geodesic_ocp.trajectory.outliers import Outlier
 
 START = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
 TARGET = (0.1, 0.45, 0.1)  # [m]
@@ -19,19 +26,19 @@ TARGET = (0.1, 0.45, 0.1)  # [m]
 OF_A_RETARGETING = {
     go.retargeting.Retargeting,
     go.retargeting.RetargetedArm,
-    go.retargeting.SynergyGroup,
+    SynergyGroup,
     go.retargeting.SynergyPaths,
 }
 # And these in test_reprs.py of execution, test_fit_markers_recording.py and test_fit_cost.py.
 ALONE = {
     go.execution.Replay,
-    go.fitting.CostFit,
+    CostFit,
     go.recordings.MarkerFit,
     go.recordings.MarkerSet,
 }
 ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES | ALONE
 ABSTRACT = {go.Metric, go.MotionProblem, go.Problem}
-NEEDS_A_NOTEBOOK = {go.ocp.LivePlot}
+NEEDS_A_NOTEBOOK = {go.drawing.LivePlot}
 
 
 class ToRest(go.MotionProblem):
@@ -44,16 +51,18 @@ class ToRest(go.MotionProblem):
 
 
 @pytest.mark.slow
-def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go.Analysis) -> None:
+def test_repr_of_every_public_value_is_short(
+    arm: go.Model, bundled_analysis: go.synergies.Analysis
+) -> None:
     obstacles = [
         go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp"),
         go.Capsule((0.0, 0.0, 1.0), (0.0, 0.0, 2.0), 0.1),
         go.Box((3.0, 0.0, 0.0), (0.1, 0.2, 0.3), name="shelf"),
         go.HalfSpace((0.0, 0.0, -3.0), (0.0, 0.0, 1.0), "floor"),
     ]
-    metric, both = go.KineticEnergy(arm), go.combine(go.human_arm("left"), arm)
+    metric, both = go.KineticEnergy(arm), go.model.combine(go.human_arm("left"), arm)
     reach = go.Reach(arm, START, TARGET, obstacles=obstacles)
-    iterates: list[go.ocp.Iterate] = []
+    iterates: list[Iterate] = []
     solution = go.solve(
         reach, grid=go.Grid(4, 4), throw=False, callback=iterates.append, ipopt={"max_iter": 2}
     )
@@ -63,7 +72,9 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     time = np.linspace(0.0, 1.0, 50)
     turn = go.Motion(time, np.outer(time, np.ones(7)), arm.joint_names)
     swing = go.Motion(time, np.outer(time - time**3, np.arange(7) / 7), arm.joint_names)
-    metric_fit = go.fit_metric(go.trajectory.Recording(arm, swing.filtered()), segments=[[(0, 49)]])
+    metric_fit = go.fitting.fit_metric(
+        go.trajectory.Recording(arm, swing.filtered()), segments=[[(0, 49)]]
+    )
     live = go.retargeting.LiveRetargeting(arm, arm, START)
     values = [
         live,
@@ -82,10 +93,10 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.cubic(plane, (0.0, 0.0), (1.0, 0.0), (1.0, 2.0), None, 0.5),
         go.cubic(plane, (0.0, 0.0), (1.0, 0.0), (1.0, 2.0), None, 0.5).certificate,
         go.solve(ToRest()),
-        go.geodesic_to_pose(rods, (0.2, 0.9), rods.hand_pose((0.3, 0.8))[1]),
+        go.logarithm.geodesic_to_pose(rods, (0.2, 0.9), rods.hand_pose((0.3, 0.8))[1]),
         go.Path(go.KineticEnergy(both), go.Grid(1, 20), np.zeros((21, 14))),
-        go.JacobiMetric(arm, 100.0),
-        go.RegionAvoiding(go.KineticEnergy(both), margin=tuple(np.linspace(0.1, 0.4, 14))),
+        go.manifold.JacobiMetric(arm, 100.0),
+        go.manifold.RegionAvoiding(go.KineticEnergy(both), margin=tuple(np.linspace(0.1, 0.4, 14))),
         go.Grid(64, 4, tuple(np.linspace(0.0, 1.0, 65))),
         go.Motion(np.linspace(0.0, 1.0, 500), np.zeros((500, 14)), both.joint_names),
         go.trajectory.Subject(1.8, 80.0, "somebody"),
@@ -98,7 +109,9 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         ),
         go.model.robot_armature(arm),
         go.retargeting.reachability(arm, go.retargeting.align(arm), None, np.full((3, 3), 0.1)),
-        go.RetargetingSettings(obstacles=obstacles, pairs=[("right upper arm", "right hand")]),
+        go.retargeting.RetargetingSettings(
+            obstacles=obstacles, pairs=[("right upper arm", "right hand")]
+        ),
         go.GeodesicOcpError("an error"),
         go.IntegrationFailed("an error"),
         go.RecordingError("an error"),
@@ -115,21 +128,21 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         ),
         go.synergies.optimal_segmentations(go.Euclidean(7), turn.filtered()),
         go.synergies.spline_knots(go.Euclidean(7), turn.filtered()),
-        go.studies.EqualNumbers(("wave",), ("lines",), np.ones(1), np.ones((1, 1, 1)), "rad"),
+        EqualNumbers(("wave",), ("lines",), np.ones(1), np.ones((1, 1, 1)), "rad"),
         go.studies.compare_metrics(arm, turn, {"lines": go.Euclidean(7)}, rules={}),
         go.fitting.Parameter("armature", 0.05, joints=("?S?_joint",)),
         go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.03, payload=0.5),
         metric_fit,
         go.fitting.error_profile(metric_fit, values=[0.02, 0.03]),
         go.fitting.ConfidenceInterval("armature", 0.02, 0.04, 0.95, "recording", 7),
-        go.fitting.CrossValidation("recording", ("armature",), ()),
+        CrossValidation("recording", ("armature",), ()),
         go.trajectory.Recording(
             arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))
         ),
-        go.recordings.FitNoise(np.zeros((9, 7, 40))),
+        FitNoise(np.zeros((9, 7, 40))),
         go.trajectory.Column("elbow flexion", -1, "deg", 90.0),
         go.fitting.Heterogeneity("armature", 2, 9.0, 0.1, 0.9, ("a", 0.01), ("b", 0.04)),
-        go.trajectory.Outlier("spike", "RSx_joint", 0.2, 0.2, 1.0),
+        Outlier("spike", "RSx_joint", 0.2, 0.2, 1.0),
         go.synergies.Uncertainty(
             2, np.ones(3), np.ones(1), np.full(99, 2), *np.ones((3, 1)), np.ones((99, 3))
         ),

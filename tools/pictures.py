@@ -148,7 +148,7 @@ def make_robots(path: Path) -> None:
 
 def make_figure(path: Path) -> None:
     """The figure of the retargeting with the default settings."""
-    retargeted().plot().savefig(path, dpi=DPI)
+    go.plot(retargeted()).savefig(path, dpi=DPI)
 
 
 def retargeted(robot: str = "panda") -> go.retargeting.Retargeting:

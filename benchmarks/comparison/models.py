@@ -33,7 +33,7 @@ def planar_chain(links: int) -> go.Model:
 def both_arms() -> go.Model:
     """Both human arms as one system, 14 degrees of freedom."""
     arms = go.human_arm("left"), go.human_arm("right")
-    return go.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
+    return go.model.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
 
 
 def robot(name: str) -> go.Model:

@@ -17,7 +17,7 @@ FRAMES = 1000
 FILE = files("geodesic_ocp") / "data" / "climb.csv"
 
 
-def recordings(repetitions: int) -> list[Measurement]:
+def recordings(repetitions: int, robots: bool = True) -> list[Measurement]:
     """Times in this process, after a first run that builds all functions."""
     arm = go.human_arm("left", height=1.78)
     motion = go.read_motion(FILE, arm.joint_names)
@@ -35,12 +35,12 @@ def recordings(repetitions: int) -> list[Measurement]:
     analyse = our_routes.within(default, lambda: go.analyse(arm, motion))
     times = repeat(analyse, repetitions)
     results.append(Measurement(f"go.analyse, recording of {duration:.1f} s", times))
-    if is_installed("panda"):
+    if robots and is_installed("panda"):
         results.append(_retargeting(analyse(), repetitions))
     return results
 
 
-def _retargeting(analysis: go.Analysis, repetitions: int) -> Measurement:
+def _retargeting(analysis: go.synergies.Analysis, repetitions: int) -> Measurement:
     panda = robot("panda")
 
     def transfer() -> None:

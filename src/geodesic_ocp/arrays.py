@@ -185,6 +185,14 @@ def _dense_shapes(
     return shapes, results if dense else None
 
 
+def settle(record: object, /, **values: object) -> None:
+    """Set fields of a frozen dataclass that is being made: in its `__post_init__`, where arguments
+    become what the fields hold, or in a copy that nobody else has seen.
+    """
+    for name, value in values.items():
+        object.__setattr__(record, name, value)
+
+
 class ShortRepr:
     """Mixin of dataclasses: `repr` is the class and its fields on one line.
 

@@ -172,7 +172,7 @@ def _printed(options: Mapping[str, Any]) -> str:
     return output.getvalue()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Ipopt:
     """A nonlinear program with Ipopt, to be called with numerical arguments.
 
@@ -218,8 +218,8 @@ class Ipopt:
             name: np.full(solver.numel_in(k), solver.default_in(k))
             for k, name in enumerate(solver.name_in())
         }
-        object.__setattr__(self, "_solver", solver)
-        object.__setattr__(self, "_usual", usual)
+        self._solver = solver
+        self._usual = usual
 
     @property
     def size_g(self) -> int:

@@ -92,7 +92,7 @@ def read_structured(file: Path, what: str, hint: str = "") -> Any:
         raise RecordingError(f"{file}: cannot be read: {failure.strerror}{hint}") from None
     except ImportError:
         if yaml:
-            raise ImportError("YAML needs PyYAML: pip install 'geodesic_ocp[yaml]'") from None
+            raise ImportError("YAML needs PyYAML: pip install 'geodesic_ocp[people]'") from None
         raise RecordingError(
             f"{file}: TOML needs Python 3.11 or later; write the {what} as JSON"
         ) from None

@@ -92,3 +92,12 @@ def _tabulated(table: DataFrame, style: str) -> str:
     note = str(table.attrs.get("note", ""))
     note = escape(note) if style == "html" else note
     return f"{found}\n\n{note}" if note else str(found)
+
+
+def in_degrees(table: DataFrame) -> DataFrame:
+    """Return a table whose columns "... [rad]" are in degrees, and named so."""
+    angles = [name for name in table.columns if str(name).endswith("[rad]")]
+    found = table.assign(**{name: np.degrees(table[name].astype(float)) for name in angles})
+    found = found.rename(columns={name: name.replace("[rad]", "[deg]") for name in angles})
+    found.attrs = dict(table.attrs)
+    return found

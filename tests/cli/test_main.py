@@ -239,11 +239,14 @@ def test_height_comes_from_the_recording(shared: Path, printed: Output) -> None:
 
 @pytest.mark.slow
 def test_demo_writes_to_its_default_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: Output, bundled_analysis: go.Analysis
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    printed: Output,
+    bundled_analysis: go.synergies.Analysis,
 ) -> None:
     def analyse(
         model: go.Model, motion: go.Motion, *options: object, **more: object
-    ) -> go.Analysis:
+    ) -> go.synergies.Analysis:
         """The analysis of this model and motion, which is at hand."""
         assert repr(model) == repr(bundled_analysis.model)
         assert model.mass == bundled_analysis.model.mass

@@ -55,7 +55,7 @@ def test_problem_is_solved_and_plotted(tmp_path: Path, printed: Output) -> None:
     assert "2.162243" in text
     assert "locally minimizing under its constraints" in text
     assert (out / "AroundDisc.png").stat().st_size > 10_000
-    again = go.load_solution(out / "AroundDisc.json")
+    again = go.ocp.load_solution(out / "AroundDisc.json")
     assert again.problem.radius == 0.4  # type: ignore[attr-defined]
 
 

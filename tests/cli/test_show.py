@@ -95,7 +95,9 @@ def robot_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def swing(file: Path) -> Path:
     """Write a trajectory of the pendulum, and return its file."""
     time = np.linspace(0.0, 1.0, 11)
-    return go.JointTrajectory.from_positions(time, np.sin(time)[:, None], ["hinge"]).save(file)
+    return go.trajectory.JointTrajectory.from_positions(
+        time, np.sin(time)[:, None], ["hinge"]
+    ).save(file)
 
 
 def test_a_recording(show: Show, bundled_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -242,7 +244,9 @@ def test_a_trajectory(
 def test_a_trajectory_of_two_robots(show: Show, robot_file: Path, tmp_path: Path) -> None:
     one = go.read_trajectory(swing(tmp_path / "one.csv"))
     names = ("0/hinge", "1/hinge")
-    both = go.JointTrajectory.side_by_side([one, replace(one, positions=-one.positions)], names)
+    both = go.trajectory.JointTrajectory.side_by_side(
+        [one, replace(one, positions=-one.positions)], names
+    )
     playback = show(both.save(tmp_path / "both.csv"), "--robot", robot_file, "--robot", robot_file)
     assert [scene.title for scene in playback.scenes] == ["pendulum (1)", "pendulum (2)"]
     assert playback.title == "pendulum, both.csv"
@@ -257,9 +261,9 @@ def test_a_trajectory_of_both_arms_of_a_robot(show: Show, tmp_path: Path) -> Non
     time, parts = np.linspace(0.0, 1.0, 5), []
     for robot in robots:
         q = np.clip(0.0, robot.lower, robot.upper) + 0.1 * np.outer(time, np.ones(robot.dof))
-        parts.append(go.JointTrajectory.from_positions(time, q, robot.joint_names))
+        parts.append(go.trajectory.JointTrajectory.from_positions(time, q, robot.joint_names))
     joints = [joint for robot in robots for joint in robot.joint_names]
-    file = go.JointTrajectory.side_by_side(parts, joints).save(tmp_path / "both.csv")
+    file = go.trajectory.JointTrajectory.side_by_side(parts, joints).save(tmp_path / "both.csv")
     playback = show(file, "--robot", names[0], "--robot", names[1])
     (scene,) = playback.scenes
     assert playback.title == "talos-right-arm and talos-left-arm, both.csv"
@@ -294,7 +298,7 @@ def test_the_robot_of_a_trajectory_is_named_beside_it(
     robot = go.load_model("panda")
     time = np.linspace(0.0, 1.0, 5)
     q = np.clip(0.0, robot.lower, robot.upper) + 0.1 * np.outer(time, np.ones(robot.dof))
-    trajectory = go.JointTrajectory.from_positions(time, q, robot.joint_names)
+    trajectory = go.trajectory.JointTrajectory.from_positions(time, q, robot.joint_names)
     trajectory.save(tmp_path / "trajectory.npz")
     metric = go.Euclidean(robot.dof)
     motion = go.Motion(time, q, robot.joint_names, np.full_like(q, 0.1))

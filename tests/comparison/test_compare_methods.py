@@ -13,6 +13,7 @@ from table_rows import header_of, rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import sample_geodesic
+from geodesic_ocp.studies.compare_methods import MethodComparison
 from geodesic_ocp.synergies.scores import SCORES
 
 TIME = np.linspace(0.0, 1.0, 61)
@@ -44,13 +45,13 @@ def recordings(rods: go.Model) -> list[go.trajectory.Recording]:
 
 
 @pytest.fixture(scope="module")
-def comparison(recordings: list[go.trajectory.Recording]) -> go.studies.MethodComparison:
+def comparison(recordings: list[go.trajectory.Recording]) -> MethodComparison:
     return go.studies.compare_methods(recordings, metrics())
 
 
 @pytest.mark.slow
 def test_geodesics_win_where_people_move_along_them(
-    comparison: go.studies.MethodComparison,
+    comparison: MethodComparison,
 ) -> None:
     assert comparison.segments == 3 * (((0, 60),),)
     errors = comparison.values("joint_mean")
@@ -68,20 +69,20 @@ def test_geodesics_win_where_people_move_along_them(
 
 
 @pytest.mark.slow
-def test_recordings_of_a_subject_are_one_pair(comparison: go.studies.MethodComparison) -> None:
+def test_recordings_of_a_subject_are_one_pair(comparison: MethodComparison) -> None:
     tests = comparison.tests("position_mean")
     assert list(tests) == [name for name in comparison.methods if name != LINES]
     assert {test.pairs for test in tests.values()} == {2}
 
 
-def test_a_higher_correlation_wins(comparison: go.studies.MethodComparison) -> None:
+def test_a_higher_correlation_wins(comparison: MethodComparison) -> None:
     values = comparison.values("speed_correlation")
     test = comparison.tests("speed_correlation", by="recording")["kinetic energy"]
     assert test.wins == np.sum(values[:, 0] > values[:, 1]) > 0
 
 
 def test_scores_are_those_of_the_methods(
-    comparison: go.studies.MethodComparison,
+    comparison: MethodComparison,
     recordings: list[go.trajectory.Recording],
     rods: go.Model,
 ) -> None:
@@ -111,7 +112,7 @@ def test_the_first_metric_cuts_unless_segments_are_given(
     assert given.values()[0, 0] < whole.values()[0, 0]
 
 
-def test_tables(comparison: go.studies.MethodComparison) -> None:
+def test_tables(comparison: MethodComparison) -> None:
     table = comparison.table()
     assert [row[0] for row in rows_of_table(table)] == list(comparison.methods)
     assert {row[2:4] for row in rows_of_table(table)} == {("3 of 3", 3)}
@@ -189,11 +190,11 @@ def test_default_metrics(recordings: list[go.trajectory.Recording], arm: go.Mode
 
 
 def test_bad_arguments_are_named(
-    recordings: list[go.trajectory.Recording], comparison: go.studies.MethodComparison
+    recordings: list[go.trajectory.Recording], comparison: MethodComparison
 ) -> None:
     motion: Any = recordings[0].motion
     for wrong in ([], [motion], motion):
-        with pytest.raises(ValueError, match=r"must be one or more of go\.recordings\.Recording"):
+        with pytest.raises(ValueError, match=r"must be one or more of go\.trajectory\.Recording"):
             go.studies.compare_methods(wrong)
     with pytest.raises(ValueError, match=r"segments must be pairs \(start, stop\), got \(0, 60\)"):
         go.studies.compare_methods(recordings[0], metrics(), segments=[(0, 60)])  # type: ignore[list-item]
@@ -226,7 +227,7 @@ EFFORTS = ("least torque", "least torque change", "least work", "least work and 
 
 @pytest.mark.slow
 def test_motions_of_least_effort_are_computed_on_request(
-    comparison: go.studies.MethodComparison, recordings: list[go.trajectory.Recording]
+    comparison: MethodComparison, recordings: list[go.trajectory.Recording]
 ) -> None:
     """In a flat metric, least torque is minimum acceleration."""
     assert not set(EFFORTS) & set(comparison.methods)

@@ -11,6 +11,7 @@ from smooth_motions import reversing
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.comparison_figure import draw_curves
 from geodesic_ocp.studies.compare_metrics import bayesian_information, noise_left
 from geodesic_ocp.trajectory.motion import bandwidth
 
@@ -183,7 +184,7 @@ def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_pat
         comparison.best_count("log")
 
     axes = Figure().subplots()
-    comparison.draw(axes)
+    draw_curves(axes, comparison)
     assert axes.get_xlabel() == "number of segments"
     assert axes.get_ylabel() == "mean error of the hand's position [m]"
     assert axes.get_xlim()[1] == 10.0
@@ -192,7 +193,7 @@ def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_pat
     curve = axes.get_lines()[0]
     assert curve.get_ydata() == pytest.approx(comparison.curves["G"]["position"].to_numpy())
     with pytest.raises(ValueError, match="measure must be one of joint, position, orientation"):
-        comparison.draw(axes, "hand")
+        draw_curves(axes, comparison, "hand")
 
     files = comparison.save(tmp_path / "new")
     assert {file.name for file in files} == {"table.csv", "table.md", "figure.png", "figure.pdf"}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from all_metrics import METRICS, points
 from known_metrics import HalfPlane, Sphere
+from motion_files import motion_in
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled import library
@@ -203,7 +204,7 @@ def test_segments_do_not_depend_on_the_compiler(
     hysteresis: float,
 ) -> None:
     arm = go.human_arm("left", 1.78)
-    motion = go.read_motion(bundled_file, joints=arm.joint_names).filtered()
+    motion = motion_in(bundled_file, arm.joint_names).filtered()
     segments = []
     for choice in ("tcc", "none"):
         monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, choice)

@@ -67,7 +67,7 @@ def test_the_shortest_of_many_starts(compiler: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [Sphere, HalfPlane, *METRICS.values()])
+@pytest.mark.parametrize("make", METRICS.values(), ids=METRICS)
 def test_all_metrics(make: Callable[[], go.Metric], monkeypatch: pytest.MonkeyPatch) -> None:
     if library.system_compiler() is None:
         pytest.skip("needs a compiler of the system")

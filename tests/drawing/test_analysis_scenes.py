@@ -9,6 +9,7 @@ import pytest
 from marked_motion import HEIGHT, MMM_MARKERS, angles, marked
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.playback_of import playback_of
 from geodesic_ocp.drawing.recording_scenes import (
     CUTS,
     analysis_playback,
@@ -23,13 +24,13 @@ from geodesic_ocp.recordings.markers.markers import Markers
 
 
 @pytest.fixture(scope="module")
-def climb(bundled_analysis: go.Analysis) -> Playback:
+def climb(bundled_analysis: go.synergies.Analysis) -> Playback:
     return analysis_playback(bundled_analysis)
 
 
 @pytest.mark.slow
 def test_observed_and_predicted_arm_meet_at_the_cuts(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     (scene,) = climb.scenes
     observed, predicted = (
@@ -48,7 +49,7 @@ def test_observed_and_predicted_arm_meet_at_the_cuts(
 
 @pytest.mark.slow
 def test_cuts_are_marked_on_the_path_of_the_hand(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     (scene,) = climb.scenes
     (cloud,) = scene.clouds
@@ -58,7 +59,7 @@ def test_cuts_are_marked_on_the_path_of_the_hand(
     assert cloud.layer == CUTS
 
 
-def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.Analysis) -> None:
+def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.synergies.Analysis) -> None:
     spans = climb.spans["synergies"]
     assert len(spans) == len(bundled_analysis.synergies)
     for number, (span, synergy) in enumerate(
@@ -71,18 +72,20 @@ def test_spans_are_the_synergies(climb: Playback, bundled_analysis: go.Analysis)
 
 
 @pytest.mark.slow
-def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.Analysis) -> None:
-    analysis = replace(bundled_analysis)  # which does not know yet
-    stable = analysis.uncertainty(2).stable
-    _, *spans = analysis_playback(analysis).spans["synergies"]
+def test_spans_say_how_sure_their_cuts_are(bundled_analysis: go.synergies.Analysis) -> None:
+    uncertainty = bundled_analysis.uncertainty(2)
+    stable = uncertainty.stable
+    _, *spans = playback_of(bundled_analysis, uncertainty).spans["synergies"]
     assert 0 < stable.sum() < len(stable)
     for span, sure in zip(spans, stable, strict=True):
         assert span.cut == ("stable" if sure else "doubtful")
         assert span.text.endswith(f", {span.cut} cut before it")
+    # An analysis does not remember it.
+    assert all(span.cut is None for span in playback_of(bundled_analysis).spans["synergies"])
 
 
 def test_every_other_prediction_is_a_layer_that_is_off_at_first(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     (scene,) = climb.scenes
     labels = bundled_analysis.labels()
@@ -104,7 +107,7 @@ def test_every_other_prediction_is_a_layer_that_is_off_at_first(
 
 
 def test_curves_of_errors_have_the_means_of_the_table(
-    climb: Playback, bundled_analysis: go.Analysis
+    climb: Playback, bundled_analysis: go.synergies.Analysis
 ) -> None:
     plots = {plot.label: plot for plot in climb.plots}
     methods, labels = bundled_analysis.on_same_segments(), bundled_analysis.labels()
@@ -123,7 +126,7 @@ def test_curves_of_errors_have_the_means_of_the_table(
     assert {curve.layer for curve in speeds} - {""} == set(climb.hidden) & set(labels.values())
 
 
-def test_methods_without_a_geodesic_are_left_out(bundled_analysis: go.Analysis) -> None:
+def test_methods_without_a_geodesic_are_left_out(bundled_analysis: go.synergies.Analysis) -> None:
     lacking = replace(
         bundled_analysis,
         not_found=("kinetic_energy",),

@@ -46,7 +46,7 @@ def swing() -> tuple[go.Motion, go.Model]:
 
 
 @pytest.fixture(scope="module")
-def past_a_lamp() -> go.Solution:
+def past_a_lamp() -> go.ocp.Solution:
     start, lamp = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1), go.Ball((0.2, 0.35, -0.15), 0.06)
     reach = go.Reach(go.human_arm(), start, (0.1, 0.45, 0.1), obstacles=[lamp])
     return go.solve(reach)

@@ -67,7 +67,7 @@ def test_a_person_grows_with_height_and_mass() -> None:
 
 def test_both_arms_combined_look_as_each_does() -> None:
     arms = go.human_arm("right"), go.human_arm("left")
-    both = go.combine(*arms, placements=[(0.2, 0.0, 1.4), (-0.2, 0.0, 1.4)])
+    both = go.model.combine(*arms, placements=[(0.2, 0.0, 1.4), (-0.2, 0.0, 1.4)])
     for arm, x in zip(arms, (0.2, -0.2), strict=True):
         links = {mesh.link for mesh in meshes(arm)}
         assert apart(at_rest(both, *links), at_rest(arm) + np.array([x, 0.0, 1.4])) < 1e-6

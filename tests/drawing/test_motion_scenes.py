@@ -85,7 +85,7 @@ def test_missing_joints_are_named(arm: go.Model) -> None:
     some = motion.select(arm.joint_names[:5])
     with pytest.raises(ValueError, match="no joint RWx_joint, RWy_joint of human right arm"):
         motion_playback(some, arm)
-    trajectory = go.JointTrajectory.from_positions(some.time, some.q, some.joint_names)
+    trajectory = go.trajectory.JointTrajectory.from_positions(some.time, some.q, some.joint_names)
     with pytest.raises(ValueError, match="no joint RWx_joint, RWy_joint of human right arm"):
         trajectory_playback(trajectory, arm)
 
@@ -132,7 +132,7 @@ def test_plots_of_many_joints_are_grouped_by_limb() -> None:
 
 def test_two_arms_beside_each_other_are_grouped_by_arm() -> None:
     left, right = go.human_arm("left"), go.human_arm("right")
-    both = go.combine(left, right, placements=[(-0.2, 0.0, 0.0), (0.2, 0.0, 0.0)])
+    both = go.model.combine(left, right, placements=[(-0.2, 0.0, 0.0), (0.2, 0.0, 0.0)])
     assert [len(group) for group in joint_groups(both).values()] == [7, 7]
 
 
@@ -187,7 +187,7 @@ def test_configurations_of_another_shape_are_refused(arm: go.Model, q: Array | f
 def test_speeds_and_torques_are_shares_of_known_limits(lift: go.Model) -> None:
     motion = waving(lift)
     torques = np.tile(np.linspace(0.0, 40.0, len(motion))[:, None], (1, 7))
-    trajectory = go.JointTrajectory(
+    trajectory = go.trajectory.JointTrajectory(
         motion.time,
         motion.q,
         motion.velocity,  # type: ignore[arg-type]
@@ -204,7 +204,7 @@ def test_speeds_and_torques_are_shares_of_known_limits(lift: go.Model) -> None:
         100.0 * np.abs(motion.velocity[:, 2]) / 3.0,  # type: ignore[index]
     )
     np.testing.assert_allclose(shares.curves[0].values, 100.0 * torques[:, 0] / 80.0)
-    in_radians = go.JointTrajectory(
+    in_radians = go.trajectory.JointTrajectory(
         *(trajectory.time, trajectory.positions, trajectory.velocities),
         *(trajectory.accelerations, lift.joint_names),
     )
@@ -214,7 +214,9 @@ def test_speeds_and_torques_are_shares_of_known_limits(lift: go.Model) -> None:
 
 def test_velocities_without_limits_are_shown_as_they_are(arm: go.Model) -> None:
     motion = waving(arm)
-    trajectory = go.JointTrajectory.from_positions(motion.time, motion.q, arm.joint_names)
+    trajectory = go.trajectory.JointTrajectory.from_positions(
+        motion.time, motion.q, arm.joint_names
+    )
     (plot,) = plots_of(trajectory_playback(trajectory, arm), "joint velocities [rad/s]")
     np.testing.assert_array_equal(plot.curves[3].values, trajectory.velocities[:, 3])
 
@@ -251,7 +253,7 @@ def test_a_planned_trajectory_knows_its_robots(arm: go.Model) -> None:
         )
         for robot in (arm, left)
     ]
-    planned = go.plan_trajectory(arms)
+    planned = go.execution.plan_trajectory(arms)
     playback = planned_playback(planned)
     assert [scene.title for scene in playback.scenes] == [arm.name, left.name]
     for scene, robot, number in zip(playback.scenes, (arm, left), range(2), strict=True):
@@ -263,7 +265,9 @@ def test_a_planned_trajectory_knows_its_robots(arm: go.Model) -> None:
 
 def test_a_replay_shows_what_the_robot_should_do_as_an_overlay(lift: go.Model) -> None:
     motion = waving(lift)
-    wanted = go.JointTrajectory.from_positions(motion.time, motion.q, lift.joint_names, lift.units)
+    wanted = go.trajectory.JointTrajectory.from_positions(
+        motion.time, motion.q, lift.joint_names, lift.units
+    )
     late = go.Motion(motion.time, motion.q - 0.01, lift.joint_names, motion.velocity)
     limits = np.full(7, 80.0)
     replay = go.execution.Replay(

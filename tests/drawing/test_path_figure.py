@@ -13,7 +13,8 @@ from matplotlib.colors import to_rgb
 
 import geodesic_ocp as go
 from geodesic_ocp.drawing.path_figure import draw_path
-from geodesic_ocp.drawing.styles import ROLES, save_figure
+from geodesic_ocp.drawing.styles import ROLES
+from geodesic_ocp.figures import save_figure
 
 START, END = np.zeros(7), np.array([0.6, 0.2, -0.3, 0.9, 0.1, 0.0, 0.1])
 
@@ -55,14 +56,14 @@ def test_the_arm_is_drawn_along_the_path_and_where_it_is_nearest(path: go.Path) 
 @pytest.mark.slow
 def test_a_planar_arm_is_drawn_over_itself_in_metres() -> None:
     arm = planar_arm((0.5, 0.2), (1.0, 1.0), (0.2, 0.1), (0.01, 0.01))
-    figure = go.geodesic(go.KineticEnergy(arm), [0.0, 0.4], [0.8, 1.0]).plot()
+    figure = go.plot(go.geodesic(go.KineticEnergy(arm), [0.0, 0.4], [0.8, 1.0]))
     overlay = figure.axes[-1]
     assert (overlay.get_xlabel(), overlay.get_ylabel()) == ("x [m]", "y [m]")
     assert [text.get_text() for text in overlay.texts] == ["0", "0.2", "0.4", "0.6", "0.8", "1"]
 
 
 def test_a_metric_without_a_model_has_no_arm() -> None:
-    figure = go.geodesic(go.Euclidean(2), [0.0, 0.0], [1.0, 1.0]).plot()
+    figure = go.plot(go.geodesic(go.Euclidean(2), [0.0, 0.0], [1.0, 1.0]))
     assert len(figure.axes) == 2
 
 

@@ -70,7 +70,7 @@ def test_the_rest_is_solid() -> None:
 @pytest.mark.parametrize("half", [0.17, 0.22])
 def test_a_trunk_is_as_wide_as_the_shoulders_of_both_arms(half: float) -> None:
     arms = go.human_arm("left"), go.human_arm("right")
-    both = go.combine(*arms, placements=[(-half, 0.0, 1.4), (half, 0.0, 1.4)])
+    both = go.model.combine(*arms, placements=[(-half, 0.0, 1.4), (half, 0.0, 1.4)])
     trunk = rest(both)
     chest = points(trunk, "thorax")
     assert_allclose(chest[:, 0].min(), -chest[:, 0].max(), atol=1e-9)
@@ -83,7 +83,7 @@ def test_other_models_have_no_rest() -> None:
     arm = go.human_arm("right")
     assert not rest_of_person(go.human_upper_body())
     assert not rest_of_person(go.load_model(urdf(), hand="grip"))
-    assert not rest_of_person(go.combine(arm, go.human_arm("left")))  # shoulders coincide
-    assert not rest_of_person(go.combine(arm, arm, placements=[(0, 0, 0), (1, 0, 0)]))
+    assert not rest_of_person(go.model.combine(arm, go.human_arm("left")))  # shoulders coincide
+    assert not rest_of_person(go.model.combine(arm, arm, placements=[(0, 0, 0), (1, 0, 0)]))
     assert not rest_of_person(arm.with_bodies(go.Ball((0, 0, 0), 0.1, "right hand")))
     assert meshes(arm)

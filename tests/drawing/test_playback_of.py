@@ -103,7 +103,7 @@ def test_a_dictionary_gives_titles(arm: go.Model) -> None:
 
 @pytest.mark.slow
 def test_analyses_solutions_and_paths_are_known(
-    bundled_analysis: go.Analysis, arm_metric: go.KineticEnergy
+    bundled_analysis: go.synergies.Analysis, arm_metric: go.KineticEnergy
 ) -> None:
     reach = go.solve(go.PointToPoint(arm_metric, np.zeros(7), np.full(7, 0.2)))
     for item in (bundled_analysis, reach, reach.path, bundled_analysis.synergies[0].path):
@@ -129,7 +129,7 @@ def test_a_reconstruction_has_its_synergies(arm: go.Model) -> None:
         (go.human_arm("left"), "human left arm", 1),
         (go.human_upper_body(), "human upper body", 2),
         (
-            go.combine(go.human_arm("right"), go.human_arm("left")),
+            go.model.combine(go.human_arm("right"), go.human_arm("left")),
             "human right arm and human left arm",
             2,
         ),
@@ -148,7 +148,7 @@ def test_the_body_of_a_person_is_known_from_the_joints(
 
 @pytest.mark.slow
 def test_both_arms_have_the_width_of_the_shoulders_between_them() -> None:
-    body = go.combine(go.human_arm("right"), go.human_arm("left"))
+    body = go.model.combine(go.human_arm("right"), go.human_arm("left"))
     person = go.human_upper_body(1.8)
     scene = playback_of(moved(body.joint_names)).scenes[0]
     places = [scene.actors[0].positions[f"{side} upper arm"][0] for side in ("right", "left")]
@@ -175,7 +175,7 @@ def test_what_cannot_be_shown_says_what_can(arm: go.Model) -> None:
     for nothing in ((), ([],), ({},)):
         with pytest.raises(ValueError, match="give at least one result"):
             playback_of(*nothing)
-    trajectory = go.JointTrajectory(*[np.zeros(1)], *[np.zeros((1, 1))] * 3, ("a",))
+    trajectory = go.trajectory.JointTrajectory(*[np.zeros(1)], *[np.zeros((1, 1))] * 3, ("a",))
     with pytest.raises(ValueError, match="give it after the trajectory, whose joints are a"):
         playback_of(trajectory)
 

@@ -237,7 +237,7 @@ def test_both_arms_have_one_trajectory_and_files_of_their_own(tmp_path: Path) ->
     assert found.motion.q.shape[1] == 14
     assert_allclose(arms[0].trajectory.time, arms[1].trajectory.time)
     assert len(found.synergies) == sum(len(arm.groups) for arm in arms)
-    assert len(found.plot().subfigs) == 2
+    assert len(go.plot(found).subfigs) == 2
     one = SimpleNamespace(robot=arms[0].robot)
     assert len(set(joint_names([one, one]))) == 14  # type: ignore[list-item]
     files = {file.name for file in found.save(tmp_path)}

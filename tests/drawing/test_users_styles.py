@@ -13,7 +13,8 @@ import pytest
 
 from geodesic_ocp.drawing.plots import draw_plot
 from geodesic_ocp.drawing.scene import SECONDS, Curve, Plot, Span
-from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, added_style, mixed, own_style
+from geodesic_ocp.drawing.styles import ROLES, SURROUNDINGS, mixed, own_style
+from geodesic_ocp.figures import added_style
 
 TIME = np.linspace(0.0, 1.0, 21)
 CURVES = (Curve("a_$1", TIME, TIME, "observed"), Curve("b & c", TIME, TIME**2))

@@ -137,7 +137,7 @@ def test_errors_of_the_hand_and_their_table(arm: go.Model) -> None:
     assert [row[0] for row in rows] == list(arm.joint_names)
     assert_allclose([row[1] for row in rows], 1e3 * result.largest_error)
     assert "Replay('human right arm', pd: largest error" in repr(result)
-    panels = result.plot().axes
+    panels = go.plot(result).axes
     assert [axes.get_ylabel() for axes in panels] == [
         "joint error [mrad]",
         "hand error",
@@ -220,7 +220,7 @@ def test_trajectories_of_more_joints_and_with_prefixes(arm: go.Model) -> None:
     )
     with pytest.raises(ValueError, match="trajectory has 2 joints RSx_joint; it has one/RSx"):
         replay(both, arm)
-    pair = go.combine(arm, arm, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    pair = go.model.combine(arm, arm, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     assert "one/RSx_joint" not in pair.joint_names
     together = replay(both, pair, contacts=False)
     alone = replay(trajectory, arm, contacts=False)
@@ -282,5 +282,5 @@ def test_without_mujoco_the_message_names_the_extra(
     arm: go.Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(ImportError, match=r"pip install 'geodesic_ocp\[mujoco\]'"):
+    with pytest.raises(ImportError, match=r"pip install 'geodesic_ocp\[robots\]'"):
         replay(reach(arm, 0.5), arm)

@@ -12,24 +12,24 @@ import geodesic_ocp as go
 @pytest.mark.slow
 def test_reprs_are_short() -> None:
     one = go.human_arm("right")
-    arm = go.combine(one, go.human_arm("left"))
+    arm = go.model.combine(one, go.human_arm("left"))
     limits = go.execution.joint_limits(arm, velocity=2.0, torque=50.0)
     grid = go.Grid(1, 3)
     zero, target = np.clip(0.0, arm.lower, arm.upper), (arm.lower + arm.upper) / 2.0
     line = go.Path(go.Euclidean(14), grid, zero + np.outer(grid.nodes, 0.2 * (target - zero)))
     paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
-    planned = go.plan_trajectory([paths], throw=False)
+    planned = go.execution.plan_trajectory([paths], throw=False)
     trajectory = planned.sampled(50.0)
-    broken = go.JointTrajectory(
+    broken = go.trajectory.JointTrajectory(
         trajectory.time,
         10.0 * trajectory.positions,
         trajectory.velocities - 1.0,
         trajectory.accelerations + 500.0,
         trajectory.joint_names,
     )
-    failed = go.check_trajectory(broken, arm, limits)
+    failed = go.execution.check_trajectory(broken, arm, limits)
     assert len(failed.violations) > 14
-    half = go.JointTrajectory(
+    half = go.trajectory.JointTrajectory(
         trajectory.time,
         trajectory.positions[:, :7],
         trajectory.velocities[:, :7],
@@ -39,7 +39,7 @@ def test_reprs_are_short() -> None:
     values = [
         planned,
         trajectory,
-        go.check_trajectory(trajectory, arm, limits),
+        go.execution.check_trajectory(trajectory, arm, limits),
         failed,
         go.execution.keep_clear(arm),
         go.execution.link_pairs(arm),
@@ -56,5 +56,5 @@ def test_repr_of_a_replay_is_short() -> None:
     arm = go.human_arm("right", armature=0.05)
     time = np.arange(11) / 100.0
     rest = np.tile((arm.lower + arm.upper) / 2.0, (len(time), 1))
-    standing = go.JointTrajectory(time, rest, 0.0 * rest, 0.0 * rest, arm.joint_names)
+    standing = go.trajectory.JointTrajectory(time, rest, 0.0 * rest, 0.0 * rest, arm.joint_names)
     assert check_reprs([go.execution.replay(standing, arm)]) >= {go.execution.Replay}

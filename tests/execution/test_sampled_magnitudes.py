@@ -94,7 +94,7 @@ def test_the_positions_of_a_plan_pass(rate: float) -> None:
     metric = go.KineticEnergy(robot)
     paths = [go.geodesic(metric, [0.0, 0.5], [0.9, 1.2]), go.geodesic(metric, [0.9, 1.2], [0, 2])]
     arms = go.execution.ArmPaths(robot, limits, np.array([0.0, 0.3, 0.6]), paths)
-    planned = go.plan_trajectory(arms, rate=rate).sampled(rate)
+    planned = go.execution.plan_trajectory(arms, rate=rate).sampled(rate)
     alone = JointTrajectory.from_positions(
         planned.time, planned.positions.round(9), planned.joint_names
     )

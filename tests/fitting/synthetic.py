@@ -103,7 +103,7 @@ def optimal_recording(
 
 def fitted(*recordings: Any, **options: Any) -> go.fitting.MetricFit:
     """The fit of recordings with their segments."""
-    return go.fit_metric(
+    return go.fitting.fit_metric(
         [recording for recording, _ in recordings],
         segments=[segments for _, segments in recordings],
         **options,

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from fitting.synthetic import optimal_recording, synthetic_recording
 from fitting.test_fit_metric import PLANAR
-from short_reprs import CHARACTERS
+from repr_size import CHARACTERS
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
+from geodesic_ocp.fitting.cost_fit import CostFit
 
 WEIGHTS = {"energy": 0.3, "acceleration": 0.4, "torque change": 0.2, "jerk": 0.1}
 
@@ -23,7 +24,7 @@ def planar() -> go.Model:
 
 
 @pytest.fixture(scope="module")
-def planar_fit(planar: go.Model) -> go.fitting.CostFit:
+def planar_fit(planar: go.Model) -> CostFit:
     """From 5 motions of least cost, without noise."""
     metric = go.KineticEnergy(planar)
     rng = np.random.default_rng(1)
@@ -31,14 +32,14 @@ def planar_fit(planar: go.Model) -> go.fitting.CostFit:
     return go.fitting.fit_cost(recording, metric=go.KineticEnergy, segments=[segments])
 
 
-def test_planted_weights_are_recovered(planar_fit: go.fitting.CostFit) -> None:
+def test_planted_weights_are_recovered(planar_fit: CostFit) -> None:
     # Motions of degree 12 are fitted by motions of degree 8.
     assert planar_fit.weights == pytest.approx([*WEIGHTS.values()], abs=2e-3)
     assert planar_fit.errors == pytest.approx(0.0, abs=2e-4)
     assert planar_fit.undetermined == ()
 
 
-def test_table_and_directions(planar_fit: go.fitting.CostFit) -> None:
+def test_table_and_directions(planar_fit: CostFit) -> None:
     assert len(repr(planar_fit)) <= CHARACTERS
     rows = rows_of_table(planar_fit.table())
     assert [row[0] for row in rows] == [*WEIGHTS]

@@ -336,21 +336,21 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
         with pytest.raises(ValueError, match="start of payload"):
             go.fitting.Parameter("payload", start)
     with pytest.raises(ValueError, match="has no number 'weight'"):
-        go.fit_metric(recording, go.fitting.Parameter("weight", 1.0))
+        go.fitting.fit_metric(recording, go.fitting.Parameter("weight", 1.0))
     with pytest.raises(ValueError, match=r"no joint matches 'Knee'"):
-        go.fit_metric(recording, go.fitting.Parameter("armature", 1.0, joints=("Knee",)))
+        go.fitting.fit_metric(recording, go.fitting.Parameter("armature", 1.0, joints=("Knee",)))
     with pytest.raises(ValueError, match="measure must be one of joint, position"):
-        go.fit_metric(recording, measure="hand")  # type: ignore[arg-type]
+        go.fitting.fit_metric(recording, measure="hand")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="curve must be one of geodesic, cubic, got 'spline'"):
-        go.fit_metric(recording, curve="spline")  # type: ignore[arg-type]
+        go.fitting.fit_metric(recording, curve="spline")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="segments must be given for each of 1"):
-        go.fit_metric(recording, segments=[segments, segments])
+        go.fitting.fit_metric(recording, segments=[segments, segments])
     with pytest.raises(ValueError, match="must cover samples 0 to 240 without gaps"):
-        go.fit_metric(recording, segments=[[(0, 60), (120, 240)]])
+        go.fitting.fit_metric(recording, segments=[[(0, 60), (120, 240)]])
     with pytest.raises(ValueError, match="payload is one number; it takes no joints"):
-        go.fit_metric(recording, go.fitting.Parameter("payload", 1.0, joints=("?W*",)))
+        go.fitting.fit_metric(recording, go.fitting.Parameter("payload", 1.0, joints=("?W*",)))
     with pytest.raises(ValueError, match="some of its joints have another parameter"):
-        go.fit_metric(
+        go.fitting.fit_metric(
             recording,
             [
                 go.fitting.Parameter("armature", 0.1),
@@ -358,18 +358,18 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
             ],
         )
     with pytest.raises(ValueError, match="has no number 'model'"):
-        go.fit_metric(recording, go.fitting.Parameter("model", 1.0))
+        go.fitting.fit_metric(recording, go.fitting.Parameter("model", 1.0))
     with pytest.raises(ValueError, match="joints must be a tuple of patterns"):
         go.fitting.Parameter("armature", 0.1, joints="RSx_joint")
     with pytest.raises(ValueError, match="metric must give the metric of a model"):
-        go.fit_metric(recording, metric=go.Euclidean(7))  # type: ignore[arg-type]
+        go.fitting.fit_metric(recording, metric=go.Euclidean(7))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="different names"):
-        go.fit_metric(recording, [go.fitting.Parameter("payload", 1.0)] * 2)
+        go.fitting.fit_metric(recording, [go.fitting.Parameter("payload", 1.0)] * 2)
     with pytest.raises(ValueError, match="Euclidean has no number 'joint_inertia'; it has dim"):
-        go.fit_metric(recording, metric=lambda model: go.Euclidean(7))
+        go.fitting.fit_metric(recording, metric=lambda model: go.Euclidean(7))
     still = go.Motion(recording.motion.time, 0.0 * recording.motion.q, arm.joint_names)
     with pytest.raises(ValueError, match=r"none of its"):
-        go.fit_metric(go.trajectory.Recording(arm, still.filtered(21)), segments=[segments])
+        go.fitting.fit_metric(go.trajectory.Recording(arm, still.filtered(21)), segments=[segments])
 
 
 @pytest.mark.slow

@@ -77,7 +77,7 @@ def test_cubics_to_poses_of_the_hand(seed: int) -> None:
     assert motion.boundary_residual < 1e-6
     # Of the cubics to configurations with the pose nearby, it has the least action.
     beside = motion(0.8) + 0.05 * motion.hand.tangents(motion(0.8))[:, 0]
-    beside = go.inverse_kinematics(ARM, beside, **pose, limits=False)
+    beside = go.ocp.inverse_kinematics(ARM, beside, **pose, limits=False)
     assert go.cubic(HUMAN, q0, v0, beside, end, 0.8).action > motion.action
     if seed == 2:
         assert motion.certificate.locally_minimizing

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.logarithm.geodesic_to_pose import ToPose
 
 START = np.array([0.4, 0.1, -0.6, 1.2, 0.2, 0.0, 0.1])
 VELOCITY = np.array([0.5, -0.2, -0.3, 0.4, 0.3, -0.2, 0.2])
@@ -22,14 +23,12 @@ def pose(arm_metric: go.KineticEnergy) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def result(arm: go.Model, pose: tuple[Any, Any]) -> go.logarithm.ToPose:
-    return go.geodesic_to_pose(arm, START, *pose)
+def result(arm: go.Model, pose: tuple[Any, Any]) -> ToPose:
+    return go.logarithm.geodesic_to_pose(arm, START, *pose)
 
 
 @pytest.mark.slow
-def test_the_result_is_a_geodesic_to_the_pose(
-    arm_metric: go.KineticEnergy, result: go.logarithm.ToPose
-) -> None:
+def test_the_result_is_a_geodesic_to_the_pose(arm_metric: go.KineticEnergy, result: ToPose) -> None:
     assert result.success
     assert result.position_error < 1e-6
     assert result.rotation_error < 1e-6
@@ -42,9 +41,7 @@ def test_the_result_is_a_geodesic_to_the_pose(
 
 
 @pytest.mark.slow
-def test_energy_equals_that_of_reach(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
-) -> None:
+def test_energy_equals_that_of_reach(arm: go.Model, pose: tuple[Any, Any], result: ToPose) -> None:
     """Shooting with a small weight of the energy, and the NLP over the path's nodes."""
     reach = go.solve(go.Reach(arm, START, *pose, limits=False))
     assert result.energy == pytest.approx(reach.stats.energy, rel=1e-5)
@@ -53,9 +50,9 @@ def test_energy_equals_that_of_reach(
 
 @pytest.mark.slow
 def test_the_gradient_of_the_paper_needs_more_steps(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
+    arm: go.Model, pose: tuple[Any, Any], result: ToPose
 ) -> None:
-    gradient = go.geodesic_to_pose(arm, START, *pose, method="transport")
+    gradient = go.logarithm.geodesic_to_pose(arm, START, *pose, method="transport")
     assert gradient.success
     assert gradient.position_error < 1e-6
     assert gradient.energy >= result.energy - 1e-9
@@ -63,12 +60,10 @@ def test_the_gradient_of_the_paper_needs_more_steps(
 
 
 @pytest.mark.slow
-def test_position_alone_costs_less(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
-) -> None:
+def test_position_alone_costs_less(arm: go.Model, pose: tuple[Any, Any], result: ToPose) -> None:
     position, rotation = pose
-    free = go.geodesic_to_pose(arm, START, position)
-    turned = go.geodesic_to_pose(arm, START, rotation=rotation)
+    free = go.logarithm.geodesic_to_pose(arm, START, position)
+    turned = go.logarithm.geodesic_to_pose(arm, START, rotation=rotation)
     assert free.position_error < 1e-6
     assert free.rotation_error == 0.0
     assert turned.rotation_error < 1e-6
@@ -79,10 +74,10 @@ def test_position_alone_costs_less(
 
 @pytest.mark.slow
 def test_initial_guess_from_inverse_kinematics(
-    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
+    arm: go.Model, pose: tuple[Any, Any], result: ToPose
 ) -> None:
-    towards = go.inverse_kinematics(arm, START, *pose)
-    found = go.geodesic_to_pose(arm, START, *pose, towards=towards)
+    towards = go.ocp.inverse_kinematics(arm, START, *pose)
+    found = go.logarithm.geodesic_to_pose(arm, START, *pose, towards=towards)
     assert found.energy == pytest.approx(result.energy, rel=1e-6)
 
 
@@ -90,7 +85,7 @@ def test_initial_guess_from_inverse_kinematics(
 def test_out_of_reach_the_error_is_minimal(arm: go.Model) -> None:
     """The hand of the stretched arm, without limits, is as far out as the arm is long."""
     away, direction = 0.7, np.array([0.3, 0.8, -0.4]) / np.linalg.norm([0.3, 0.8, -0.4])
-    found = go.geodesic_to_pose(arm, START, away * direction, energy_weight=1e-4)
+    found = go.logarithm.geodesic_to_pose(arm, START, away * direction, energy_weight=1e-4)
     free = arm.with_limits(np.full(7, -4.0), np.full(7, 4.0))
     assert found.success
     assert found.position_error == pytest.approx(away - free.reach, abs=1e-5)
@@ -98,7 +93,7 @@ def test_out_of_reach_the_error_is_minimal(arm: go.Model) -> None:
 
 def test_the_hand_is_at_the_pose_already(arm: go.Model) -> None:
     rotation, position = arm.hand_pose(START)
-    found = go.geodesic_to_pose(arm, START, position, rotation)
+    found = go.logarithm.geodesic_to_pose(arm, START, position, rotation)
     assert found.energy < 1e-12
     assert_allclose(found.configuration, START, atol=1e-6)
 
@@ -119,7 +114,7 @@ def test_the_hand_is_at_the_pose_already(arm: go.Model) -> None:
 )
 def test_wrong_arguments_are_named(arm: go.Model, keywords: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        go.geodesic_to_pose(arm, START, **keywords)
+        go.logarithm.geodesic_to_pose(arm, START, **keywords)
 
 
 @pytest.mark.slow
@@ -127,10 +122,12 @@ def test_not_converged_reports_the_pose_error(arm: go.Model) -> None:
     """The gradient vanishes where the pose error is orthogonal to the image of the Jacobian."""
     rotation, position = arm.hand_pose(START)
     turned = rotation @ np.diag([1.0, -1.0, -1.0])
-    record = go.geodesic_to_pose(
+    record = go.logarithm.geodesic_to_pose(
         arm, START, position, turned, method="transport", weights=(1.0, 10.0), throw=False
     )
     assert not record.success
     with pytest.raises(go.NotConverged, match="the pose error of the hand is") as raised:
-        go.geodesic_to_pose(arm, START, position, turned, method="transport", weights=(1.0, 10.0))
-    assert isinstance(raised.value.solution, go.logarithm.ToPose)
+        go.logarithm.geodesic_to_pose(
+            arm, START, position, turned, method="transport", weights=(1.0, 10.0)
+        )
+    assert isinstance(raised.value.solution, ToPose)

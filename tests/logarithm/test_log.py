@@ -208,7 +208,7 @@ def test_several_attempts_are_made(arm_metric: go.KineticEnergy, q0: Any, q1: An
 @pytest.mark.slow
 def test_narrow_margins_are_reached_from_wide_ones(arm_metric: go.KineticEnergy) -> None:
     """Geodesics diverge by factors of 1e4 along the limits; the straight line is a bad start."""
-    metric = go.RegionAvoiding(arm_metric, margin=0.01)
+    metric = go.manifold.RegionAvoiding(arm_metric, margin=0.01)
     q0, q1 = (
         (2.05, -0.62, -0.42, 1.51, -0.6, -0.15, -1.44),
         (-0.59, 0.46, -1, 1.71, -0.35, 0.33, 1.11),

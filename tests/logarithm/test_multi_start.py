@@ -117,11 +117,14 @@ def test_regions_keep_the_periods_that_they_have() -> None:
     def disc(q: ca.SX) -> list:
         return [ca.dot(q, q) - 0.1]
 
-    along = go.RegionAvoiding(Cylinder(), band)
+    along = go.manifold.RegionAvoiding(Cylinder(), band)
     assert along.periods == (2 * np.pi, np.inf)
     short = go.distance(along, [0.1, 0.0], [6.0, 0.0], num_starts=2)
     assert short == pytest.approx(2 * np.pi - 5.9, abs=1e-8)
-    assert go.RegionAvoiding(Cylinder(), disc, configuration=(1.0, 0.0)).periods == (np.inf, np.inf)
+    assert go.manifold.RegionAvoiding(Cylinder(), disc, configuration=(1.0, 0.0)).periods == (
+        np.inf,
+        np.inf,
+    )
 
 
 def test_an_undefined_straight_line_is_one_start_among_others() -> None:

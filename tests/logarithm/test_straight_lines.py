@@ -61,7 +61,7 @@ def test_closed_forms_need_no_solver(metric: go.Metric) -> None:
     assert np.array_equal(go.log(metric, [START, GOAL], GOAL), [GOAL - START, np.zeros(3)])
     assert go.distance(metric, START, GOAL) == length
     path = go.geodesic(metric, START, GOAL)
-    assert isinstance(path, go.Geodesic)
+    assert isinstance(path, go.logarithm.Geodesic)
     assert path.length == pytest.approx(length, rel=1e-14)
     assert np.array_equal(path(1.0), GOAL)
     assert path.certificate.locally_shortest

@@ -64,7 +64,7 @@ def test_geodesics_are_paths_of_torque_free_motion(name: str) -> None:
     model, q0, v0 = SYSTEMS[name]()
     n, data = model.dof, model.pin.createData()
     energy = v0 @ model.mass_matrix(q0) @ v0 / 2.0 + model.potential_energy(q0)
-    metric = go.JacobiMetric(model, energy)
+    metric = go.manifold.JacobiMetric(model, energy)
     left = energy - model.potential_energy(q0)
 
     def rates(t: float, state: np.ndarray) -> np.ndarray:
@@ -83,7 +83,7 @@ def test_geodesics_are_paths_of_torque_free_motion(name: str) -> None:
 def test_a_throw_is_a_parabola() -> None:
     """y = x v_y / v_x - g x^2 / (2 v_x^2) along the whole path."""
     model, v0 = projectile(), np.array([3.0, 4.0])
-    metric = go.JacobiMetric(model, float(v0 @ v0))  # 2 kg
+    metric = go.manifold.JacobiMetric(model, float(v0 @ v0))  # 2 kg
     x = 1.0
     goal = np.array([x, x * v0[1] / v0[0] - 9.81 * x**2 / (2.0 * v0[0] ** 2)])
     path = go.geodesic(metric, [0.0, 0.0], goal)
@@ -100,7 +100,7 @@ def test_a_throw_is_a_parabola() -> None:
 def test_without_gravity_it_is_the_kinetic_energy_metric(arm: go.Model) -> None:
     native = arm.pin.copy()
     native.gravity = pin.Motion.Zero()
-    metric = go.JacobiMetric(go.Model(native, arm.hand), 3.0)
+    metric = go.manifold.JacobiMetric(go.Model(native, arm.hand), 3.0)
     q, v = np.full(7, 0.2), np.linspace(-0.5, 0.5, 7)
     assert go.exp(metric, q, v) == pytest.approx(go.exp(go.KineticEnergy(arm), q, v), abs=1e-9)
     assert metric.norm(q, v) ** 2 == pytest.approx(3.0 * go.KineticEnergy(arm).norm(q, v) ** 2)
@@ -109,7 +109,7 @@ def test_without_gravity_it_is_the_kinetic_energy_metric(arm: go.Model) -> None:
 def test_points_above_the_energy_are_rejected() -> None:
     """With this energy the pendulum can hang but not reach the horizontal."""
     model, down, level = SYSTEMS["pendulum"]()[0], [-np.pi / 2], [0.0]
-    metric = go.JacobiMetric(model, -1.0)
+    metric = go.manifold.JacobiMetric(model, -1.0)
     with pytest.raises(ValueError, match=r"q: the potential energy 0 J .* not below .* of -1 J"):
         go.exp(metric, level, [1.0])
     with pytest.raises(ValueError, match=r"q1: the potential energy .* the model cannot be there"):
@@ -119,4 +119,4 @@ def test_points_above_the_energy_are_rejected() -> None:
     with pytest.raises(go.IntegrationFailed, match="the metric is singular"):
         go.exp(metric, down, [3.0])
     with pytest.raises(ValueError, match="energy must be finite"):
-        go.JacobiMetric(model, np.nan)
+        go.manifold.JacobiMetric(model, np.nan)

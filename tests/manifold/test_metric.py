@@ -114,7 +114,7 @@ def models() -> dict[str, go.Model]:
     geared.armature = rng.uniform(0.1, 1.0, geared.nv)
     trees = {f"tree {index}": go.Model(random_tree(rng, 5), "tool") for index in range(2)}
     return trees | {
-        "both arms": go.combine(go.human_arm("left"), arm),
+        "both arms": go.model.combine(go.human_arm("left"), arm),
         "payload": arm.with_payload(2.0, (0.0, 0.1, 0.2)),
         "armature": go.Model(geared, "tool"),
         "numbered otherwise": go.Model(random_tree(rng, 5, depth_first=False), "tool"),

@@ -44,7 +44,7 @@ def inside(model: go.Model, rng: np.random.Generator, count: int) -> np.ndarray:
 def test_the_tensor_for_a_hand_above_a_table(arm: go.Model, rng: np.random.Generator) -> None:
     """The apparent mass of the hand, 1 / (J G^-1 J'), is added along its height."""
     q, configuration = inside(arm, rng, 2)
-    metric = go.RegionAvoiding(
+    metric = go.manifold.RegionAvoiding(
         go.KineticEnergy(arm),
         lambda q: arm.hand_pose(q)[1][2] + 1.0,
         margin=0.05,
@@ -60,7 +60,7 @@ def test_the_tensor_for_a_hand_above_a_table(arm: go.Model, rng: np.random.Gener
 def test_the_tensor_within_joint_limits(arm: go.Model, rng: np.random.Generator) -> None:
     (q,) = inside(arm, rng, 1)
     margins = np.linspace(0.05, 0.2, 7)
-    metric = go.RegionAvoiding(go.KineticEnergy(arm), margin=margins)
+    metric = go.manifold.RegionAvoiding(go.KineticEnergy(arm), margin=margins)
     weights = 1.0 / np.diag(np.linalg.inv(arm.mass_matrix((arm.lower + arm.upper) / 2.0)))
     nearness = (margins / (q - arm.lower)) ** 2 + (margins / (arm.upper - q)) ** 2
     expected = arm.mass_matrix(q) + np.diag(weights * nearness)
@@ -74,7 +74,7 @@ def test_joints_without_limits_are_not_affected() -> None:
     native = planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)).pin.copy()
     native.upperPositionLimit = np.array([np.inf, 2.0])
     plain = go.KineticEnergy(go.Model(native, "tip"))
-    metric = go.RegionAvoiding(plain, margin=[0.5, 0.2])
+    metric = go.manifold.RegionAvoiding(plain, margin=[0.5, 0.2])
     q = np.array([7.0, 1.5])
     weight = 1.0 / np.linalg.inv(plain.matrix(np.zeros(2)))[1, 1]
     expected = np.diag([0.0, weight * (0.2 / 0.5) ** 2])
@@ -84,7 +84,7 @@ def test_joints_without_limits_are_not_affected() -> None:
 @pytest.mark.parametrize("margin", [0.1, 2.0])
 def test_the_half_plane_is_flat(margin: float) -> None:
     """dx^2 + (1 + (margin / y)^2) dy^2 is flat in x and the arc length along y."""
-    metric = go.RegionAvoiding(go.Euclidean(2), height, margin=margin)
+    metric = go.manifold.RegionAvoiding(go.Euclidean(2), height, margin=margin)
     a, b = np.array([0.0, 0.3]), np.array([1.0, 0.05])
     rise = arc_length(b[1], margin) - arc_length(a[1], margin)
     assert go.distance(metric, a, b) == pytest.approx(np.hypot(1.0, rise), rel=EXACT)
@@ -97,7 +97,7 @@ def test_the_half_plane_is_flat(margin: float) -> None:
 @pytest.mark.parametrize("length", [1.0, 4.0, 16.0])
 def test_the_boundary_is_infinitely_distant(length: float) -> None:
     """Straight down, y decreases like exp(-length / margin), below 1e-6 but not to zero."""
-    metric = go.RegionAvoiding(go.Euclidean(2), height, margin=1.0)
+    metric = go.manifold.RegionAvoiding(go.Euclidean(2), height, margin=1.0)
     down = np.array([0.0, -1.0])
     velocity = length * down / metric.norm([0.0, 1.0], down)
     _, y = go.exp(metric, [0.0, 1.0], velocity, tolerance=1e-11)
@@ -114,7 +114,7 @@ def test_the_length_bounds_the_approach(
 ) -> None:
     """|log h1 / h0| <= length / (margin sqrt(w)), where plain geodesics leave the limits."""
     arm = arm_metric.model
-    metric = go.RegionAvoiding(arm_metric, margin=0.2)
+    metric = go.manifold.RegionAvoiding(arm_metric, margin=0.2)
     weights = 1.0 / np.diag(np.linalg.inv(arm.mass_matrix((arm.lower + arm.upper) / 2.0)))
     for q, v in zip(inside(arm, rng, 4), rng.uniform(-2.0, 2.0, (4, 7)), strict=True):
         assert excess(arm, go.exp(arm_metric, q, v)[None]) > 0.1
@@ -140,7 +140,7 @@ def test_reaches_stay_within_joint_limits(name: str, arm_metric: go.KineticEnerg
     assert excess(arm_metric.model, free(S)) > 0.1
     lengths = [free.length]
     for margin in (0.1, 0.3):
-        path = go.geodesic(go.RegionAvoiding(arm_metric, margin=margin), q0, q1)
+        path = go.geodesic(go.manifold.RegionAvoiding(arm_metric, margin=margin), q0, q1)
         assert excess(arm_metric.model, path(S)) < 0.0
         lengths.append(go.Path(arm_metric, path.grid, path.nodes).length)
     assert lengths == sorted(lengths)
@@ -153,7 +153,7 @@ def test_for_small_margins_it_converges_to_the_given_metric() -> None:
     q0, q1 = [0.3, 0.5], [1.1, 1.4]
     plain = go.log(metric, q0, q1)
     first, second = (
-        np.abs(go.log(go.RegionAvoiding(metric, margin=margin), q0, q1) - plain).max()
+        np.abs(go.log(go.manifold.RegionAvoiding(metric, margin=margin), q0, q1) - plain).max()
         for margin in (0.02, 0.01)
     )
     assert first > 1e-4  # far above the tolerance of log
@@ -162,9 +162,9 @@ def test_for_small_margins_it_converges_to_the_given_metric() -> None:
 
 def test_coordinates_and_units_of_the_functions_do_not_matter() -> None:
     """Around a disc, in polar and Cartesian coordinates, with any unit of the function."""
-    polar = go.RegionAvoiding(PolarPlane(), lambda q: q[0] - 1.0, configuration=(2.0, 0.0))
-    plane = go.RegionAvoiding(go.Euclidean(2), outside_disc, configuration=(2.0, 0.0))
-    unit = go.RegionAvoiding(
+    polar = go.manifold.RegionAvoiding(PolarPlane(), lambda q: q[0] - 1.0, configuration=(2.0, 0.0))
+    plane = go.manifold.RegionAvoiding(go.Euclidean(2), outside_disc, configuration=(2.0, 0.0))
+    unit = go.manifold.RegionAvoiding(
         go.Euclidean(2), lambda q: [1000.0 * outside_disc(q)], (100.0,), configuration=(2.0, 0.0)
     )
     a, b = np.array([1.2, 0.0]), np.array([1.5, 0.8])
@@ -176,11 +176,11 @@ def test_coordinates_and_units_of_the_functions_do_not_matter() -> None:
 @pytest.mark.slow
 def test_regions_can_be_nested(arm: go.Model, rng: np.random.Generator) -> None:
     """An arm under gravity above a table and within its limits; the model is that of the arm."""
-    inner = go.RegionAvoiding(
-        go.JacobiMetric(arm, 40.0), lambda q: arm.hand_pose(q)[1][2] + 1.0, margin=0.05
+    inner = go.manifold.RegionAvoiding(
+        go.manifold.JacobiMetric(arm, 40.0), lambda q: arm.hand_pose(q)[1][2] + 1.0, margin=0.05
     )
     (q,) = inside(arm, rng, 1)
-    outer = go.RegionAvoiding(inner)
+    outer = go.manifold.RegionAvoiding(inner)
     added = np.diag(outer.matrix(q) - inner.matrix(q))
     assert np.all(added > 0.0)
     arrival = go.exp(outer, q, rng.uniform(-1.0, 1.0, 7))
@@ -191,19 +191,25 @@ def test_regions_can_be_nested(arm: go.Model, rng: np.random.Generator) -> None:
 
 
 def test_metrics_are_shown_in_a_line(arm_metric: go.KineticEnergy) -> None:
-    limits = go.RegionAvoiding(arm_metric, margin=np.linspace(0.1, 0.4, 7))
+    limits = go.manifold.RegionAvoiding(arm_metric, margin=np.linspace(0.1, 0.4, 7))
     assert repr(limits) == f"RegionAvoiding({arm_metric!r}, joint limits, margin=0.1 to 0.4)"
-    plane = go.RegionAvoiding(go.Euclidean(2), height, margin=0.2)
+    plane = go.manifold.RegionAvoiding(go.Euclidean(2), height, margin=0.2)
     assert repr(plane) == "RegionAvoiding(Euclidean(dim=2), 1 function, margin=0.2)"
 
 
 def test_metrics_are_values(arm_metric: go.KineticEnergy) -> None:
-    assert go.RegionAvoiding(arm_metric) == go.RegionAvoiding(arm_metric, None, 0.1)
-    assert go.RegionAvoiding(arm_metric) != go.RegionAvoiding(arm_metric, margin=0.2)
-    one, same = (go.RegionAvoiding(go.Euclidean(2), height, np.array([0.2])) for _ in range(2))
+    assert go.manifold.RegionAvoiding(arm_metric) == go.manifold.RegionAvoiding(
+        arm_metric, None, 0.1
+    )
+    assert go.manifold.RegionAvoiding(arm_metric) != go.manifold.RegionAvoiding(
+        arm_metric, margin=0.2
+    )
+    one, same = (
+        go.manifold.RegionAvoiding(go.Euclidean(2), height, np.array([0.2])) for _ in range(2)
+    )
     assert one == same
     assert hash(one) == hash(same)
-    assert one != go.RegionAvoiding(go.Euclidean(2), lambda q: q[1], [0.2])
+    assert one != go.manifold.RegionAvoiding(go.Euclidean(2), lambda q: q[1], [0.2])
 
 
 BAD_FUNCTIONS: dict[str, tuple[Any, str]] = {
@@ -223,19 +229,19 @@ BAD_FUNCTIONS: dict[str, tuple[Any, str]] = {
 def test_bad_functions_are_named(name: str) -> None:
     functions, message = BAD_FUNCTIONS[name]
     with pytest.raises(ValueError, match=message):
-        go.RegionAvoiding(go.Euclidean(2), functions)
+        go.manifold.RegionAvoiding(go.Euclidean(2), functions)
 
 
 def test_points_outside_are_named(arm_metric: go.KineticEnergy) -> None:
-    plane = go.RegionAvoiding(go.Euclidean(2), lambda q: [q[1], 1.0 - q[0]])
+    plane = go.manifold.RegionAvoiding(go.Euclidean(2), lambda q: [q[1], 1.0 - q[0]])
     with pytest.raises(ValueError, match=r"q: .* inside the region: functions\[0\] is -0.5$"):
         go.exp(plane, [0.0, -0.5], [1.0, 0.0])
     with pytest.raises(ValueError, match=r"q1: .* functions\[0\] is 0, functions\[1\] is -1$"):
         go.log(plane, [0.0, 1.0], [2.0, 0.0])
-    limited = go.RegionAvoiding(arm_metric)
+    limited = go.manifold.RegionAvoiding(arm_metric)
     with pytest.raises(ValueError, match=r"distance of RSy_joint to its upper limit 0 is -0\.2"):
         go.log(limited, [0.1, 0.0, 0.2, 0.5, 0.0, 0.0, 0.0], [0.1, 0.0, -0.2, 0.5, 0.0, 0.0, 0.0])
-    disc = go.RegionAvoiding(go.Euclidean(2), outside_disc, configuration=(2.0, 0.0))
+    disc = go.manifold.RegionAvoiding(go.Euclidean(2), outside_disc, configuration=(2.0, 0.0))
     with pytest.raises(ValueError, match=r"the guess at 0\.3: .* is not inside the region"):
         go.log(disc, [-2.0, 0.1], [2.0, 0.1])
 
@@ -243,26 +249,28 @@ def test_points_outside_are_named(arm_metric: go.KineticEnergy) -> None:
 def test_bad_margins_and_metrics(arm_metric: go.KineticEnergy) -> None:
     for margin in (0.0, -1.0, [0.1, 0.0]):
         with pytest.raises(ValueError, match="margin must be positive"):
-            go.RegionAvoiding(go.Euclidean(2), lambda q: q, margin, configuration=(1.0, 1.0))
+            go.manifold.RegionAvoiding(
+                go.Euclidean(2), lambda q: q, margin, configuration=(1.0, 1.0)
+            )
     with pytest.raises(ValueError, match=r"margin must have shape \(7,\), got \(2,\)"):
-        go.RegionAvoiding(arm_metric, margin=[0.1, 0.2])
+        go.manifold.RegionAvoiding(arm_metric, margin=[0.1, 0.2])
     with pytest.raises(ValueError, match=r"configuration must have shape \(2,\), got \(1,\)"):
-        go.RegionAvoiding(go.Euclidean(2), height, configuration=[1.0])
+        go.manifold.RegionAvoiding(go.Euclidean(2), height, configuration=[1.0])
     with pytest.raises(ValueError, match="configuration: the metric is not positive definite"):
-        go.RegionAvoiding(PolarPlane(), height)
+        go.manifold.RegionAvoiding(PolarPlane(), height)
     with pytest.raises(ValueError, match="Euclidean has no model: give functions"):
-        go.RegionAvoiding(go.Euclidean(2))
+        go.manifold.RegionAvoiding(go.Euclidean(2))
     free = go.KineticEnergy(planar_arm((1.0,), (1.3,), (0.5,), (0.1,)))
     with pytest.raises(ValueError, match="no joint of 'planar arm with 1 links' has a finite"):
-        go.RegionAvoiding(free)
+        go.manifold.RegionAvoiding(free)
     with pytest.raises(ValueError, match="metric must be an instance of a Metric class"):
-        go.RegionAvoiding(arm_metric.model)
+        go.manifold.RegionAvoiding(arm_metric.model)
 
 
 @pytest.mark.parametrize("speed", [8.0, 10.25, 1000.0])
 def test_geodesics_that_rounding_reflects_at_the_boundary_are_errors(speed: float) -> None:
     """1 - q loses its digits near the boundary, in every integration alike."""
-    segment = go.RegionAvoiding(go.Euclidean(1), lambda q: [1.0 - q[0], 1.0 + q[0]])
+    segment = go.manifold.RegionAvoiding(go.Euclidean(1), lambda q: [1.0 - q[0], 1.0 + q[0]])
     with pytest.raises(go.IntegrationFailed):
         go.exp(segment, [0.1], [speed])
 
@@ -274,7 +282,7 @@ def test_exp_towards_a_boundary_is_right_or_an_error(
     count: int, fastest: float, rng: np.random.Generator
 ) -> None:
     """In a box, no coordinate reverses its direction."""
-    box = go.RegionAvoiding(
+    box = go.manifold.RegionAvoiding(
         go.Euclidean(2), lambda q: [1.0 - q[0], 1.0 + q[0], 1.0 - q[1], 1.0 + q[1]]
     )
     answers = 0
@@ -291,15 +299,15 @@ def test_exp_towards_a_boundary_is_right_or_an_error(
 def test_continuous_joints_are_not_limited() -> None:
     fan = go.load_model(FAN, hand="blade")
     with pytest.raises(ValueError, match="no joint of 'fan' has a finite limit"):
-        go.RegionAvoiding(go.KineticEnergy(fan))
+        go.manifold.RegionAvoiding(go.KineticEnergy(fan))
     limited = fan.with_limits([-2.0], [2.0])
-    walled = go.RegionAvoiding(go.KineticEnergy(limited))
+    walled = go.manifold.RegionAvoiding(go.KineticEnergy(limited))
     assert walled.periods == (np.inf,)
     assert go.exp(walled, [0.0], [1.5])[0] < 2.0
 
 
 def test_outside_the_limits_every_function_says_so(arm: go.Model, rng: np.random.Generator) -> None:
-    metric = go.RegionAvoiding(go.KineticEnergy(arm))
+    metric = go.manifold.RegionAvoiding(go.KineticEnergy(arm))
     (start,), v = inside(arm, rng, 1), np.full(arm.dof, 0.3)
     outside = start.copy()
     outside[3] = arm.upper[3] + 0.1

@@ -87,9 +87,9 @@ def test_those_not_named_keep_theirs() -> None:
 def test_combined_models_keep_theirs(rng: np.random.Generator) -> None:
     first, second = rng.uniform(0.1, 1.0, (2, 7))
     arms = go.human_arm("left", armature=first), go.human_arm("right", armature=second)
-    both = go.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
+    both = go.model.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
     assert np.array_equal(both.armature, [*first, *second])
-    twice = go.combine(arms[0], arms[0])
+    twice = go.model.combine(arms[0], arms[0])
     q = rng.uniform(-1.0, 1.0, 7)
     whole = twice.mass_matrix([*q, *q])
     for part in (slice(0, 7), slice(7, 14)):

@@ -20,7 +20,7 @@ def arms() -> tuple[go.Model, go.Model]:
 def test_both_arms_move_independently(
     arms: tuple[go.Model, go.Model], rng: np.random.Generator
 ) -> None:
-    both = go.combine(*arms, placements=SHOULDERS)
+    both = go.model.combine(*arms, placements=SHOULDERS)
     assert both.dof == 14
     assert both.joint_names == (*arms[0].joint_names, *arms[1].joint_names)
     assert both.name == "human left arm and human right arm"
@@ -45,7 +45,9 @@ def test_both_arms_move_independently(
 
 def test_a_rotated_base_rotates_the_hand(arms: tuple[go.Model, go.Model]) -> None:
     rotation_of_base = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    both = go.combine(*arms, placements=[(rotation_of_base, (1.0, 2.0, 3.0)), (0.0, 0.0, 0.0)])
+    both = go.model.combine(
+        *arms, placements=[(rotation_of_base, (1.0, 2.0, 3.0)), (0.0, 0.0, 0.0)]
+    )
     q = np.linspace(-0.5, 0.5, 14)
     rotation, position = arms[0].hand_pose(q[:7])
     assert_allclose(both.hand_pose(q)[0], rotation_of_base @ rotation, rtol=0, atol=1e-14)
@@ -56,7 +58,7 @@ def test_a_rotated_base_rotates_the_hand(arms: tuple[go.Model, go.Model]) -> Non
 
 def test_models_of_one_name_are_numbered() -> None:
     arm = planar_arm((1.0,), (1.0,), (0.5,), (0.1,))
-    three = go.combine(arm, arm, arm)
+    three = go.model.combine(arm, arm, arm)
     title = "planar arm with 1 links"
     assert three.joint_names == tuple(f"{title} {number}/joint1" for number in (1, 2, 3))
     assert three.with_hand(f"{title} 3/tip").hand_pose([0.0, 0.0, np.pi / 2])[1][1] == 1.0
@@ -64,16 +66,16 @@ def test_models_of_one_name_are_numbered() -> None:
 
 def test_errors_of_combine(arms: tuple[go.Model, go.Model]) -> None:
     with pytest.raises(ValueError, match="two or more models"):
-        go.combine(arms[0])
+        go.model.combine(arms[0])
     with pytest.raises(ValueError, match="placements must be one for each of 2 models"):
-        go.combine(*arms, placements=[(0.0, 0.0, 0.0)])
+        go.model.combine(*arms, placements=[(0.0, 0.0, 0.0)])
     with pytest.raises(ValueError, match=r"placements\[1\] must be a rotation"):
-        go.combine(*arms, placements=[(0, 0, 0), (2 * np.eye(3), (0, 0, 0))])
+        go.model.combine(*arms, placements=[(0, 0, 0), (2 * np.eye(3), (0, 0, 0))])
     with pytest.raises(ValueError, match=r"placements\[0\] must have shape \(3,\)"):
-        go.combine(*arms, placements=[(0, 0), (0, 0, 0)])
+        go.model.combine(*arms, placements=[(0, 0), (0, 0, 0)])
     over = np.diag([1.0, -1.0, -1.0])
     with pytest.raises(ValueError, match="in the common base frame gravity is"):
-        go.combine(*arms, placements=[(0, 0, 0), (over, (0, 0, 0))])
+        go.model.combine(*arms, placements=[(0, 0, 0), (over, (0, 0, 0))])
 
 
 @pytest.mark.parametrize(
@@ -81,21 +83,21 @@ def test_errors_of_combine(arms: tuple[go.Model, go.Model]) -> None:
 )
 def test_wrong_placements_are_named(arms: tuple[go.Model, go.Model], placements: object) -> None:
     with pytest.raises(ValueError, match="placements"):
-        go.combine(*arms, placements=placements)  # type: ignore[arg-type]
+        go.model.combine(*arms, placements=placements)  # type: ignore[arg-type]
 
 
 def test_combined_models_can_be_combined_again(arms: tuple[go.Model, go.Model]) -> None:
-    couple = go.combine(go.combine(*arms), *arms)
+    couple = go.model.combine(go.model.combine(*arms), *arms)
     assert couple.dof == 28
     frames = [frame.name for frame in couple.pin.frames]
     assert len(set(frames)) == len(frames)
     assert len(set(couple.joint_names)) == 28
     grounded = arms[0].with_hand("universe")
-    assert go.combine(grounded, arms[1]).hand == "universe"
+    assert go.model.combine(grounded, arms[1]).hand == "universe"
 
 
 def test_both_arms_keep_their_bodies() -> None:
-    arms = go.combine(
+    arms = go.model.combine(
         go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
     )
     links = [body.link for body in arms.bodies]
@@ -105,5 +107,5 @@ def test_both_arms_keep_their_bodies() -> None:
     hanging = go.distances.signed_distances(arms, np.zeros(14), pairs=[("left hand", "right hand")])
     hand = arms.bodies[2]
     assert hanging["left hand to right hand"] == pytest.approx(0.4 - 2.0 * hand.radius)
-    twice = go.combine(go.human_arm("left"), go.human_arm("left"))
+    twice = go.model.combine(go.human_arm("left"), go.human_arm("left"))
     assert "human left arm 1/left hand" in {body.link for body in twice.bodies}

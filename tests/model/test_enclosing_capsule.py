@@ -10,6 +10,7 @@ from known_models import capsule_volume, contains
 from scipy.spatial import ConvexHull
 
 import geodesic_ocp as go
+from geodesic_ocp.model.link_geometry import enclosing_capsule
 
 
 @settings(max_examples=6)
@@ -17,7 +18,7 @@ import geodesic_ocp as go
 def test_all_points_are_in_the_capsule(seed: int, count: int, size: float) -> None:
     rng = np.random.default_rng(seed)
     points = size * rng.normal(size=(count, 3)) * rng.uniform(0.05, 1.0, 3) + size
-    assert contains(go.model.enclosing_capsule(points), points)
+    assert contains(enclosing_capsule(points), points)
 
 
 def test_the_capsule_is_small(rng: np.random.Generator) -> None:
@@ -26,7 +27,7 @@ def test_the_capsule_is_small(rng: np.random.Generator) -> None:
     centres = start + (rng.uniform(size=(4000, 1)) > 0.5) * (end - start)
     normals = rng.normal(size=(4000, 3))
     points = centres + radius * normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    found = go.model.enclosing_capsule(points)
+    found = enclosing_capsule(points)
     exact = go.Capsule(tuple(start), tuple(end), radius)
     assert ConvexHull(points).volume < capsule_volume(found) < 1.02 * capsule_volume(exact)
 
@@ -34,9 +35,9 @@ def test_the_capsule_is_small(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), np.zeros((3, 2)), [[0, 0, np.nan]]])
 def test_wrong_points_are_rejected(points: object) -> None:
     with pytest.raises(ValueError, match="points must be finite, of shape"):
-        go.model.enclosing_capsule(points)
+        enclosing_capsule(points)
 
 
 def test_points_that_coincide_are_rejected() -> None:
     with pytest.raises(ValueError, match="points must not all coincide"):
-        go.model.enclosing_capsule(np.ones((4, 3)))
+        enclosing_capsule(np.ones((4, 3)))

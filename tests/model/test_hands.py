@@ -15,7 +15,7 @@ def test_an_arm_has_one_hand(arm: go.Model) -> None:
 
 
 def test_a_combined_model_has_the_hands_of_its_parts_and_one_of_them_is_selected() -> None:
-    arms = go.combine(go.human_arm("left"), go.human_arm("right"))
+    arms = go.model.combine(go.human_arm("left"), go.human_arm("right"))
     assert arms.hands == ("human left arm/hand", "human right arm/hand")
     right = arms.with_hand("human right arm/hand")
     assert (right.hand, right.hands) == ("human right arm/hand", arms.hands)
@@ -23,7 +23,7 @@ def test_a_combined_model_has_the_hands_of_its_parts_and_one_of_them_is_selected
     elbows = arms.with_hand("left forearm", "right forearm")
     assert (elbows.hand, elbows.hands) == ("left forearm", ("left forearm", "right forearm"))
     assert "hand `human left arm/hand`, `human right arm/hand`, mass" in arms._repr_markdown_()
-    three = go.combine(arms, go.human_arm("right"))
+    three = go.model.combine(arms, go.human_arm("right"))
     assert len(three.hands) == 3
     for derived in (arms.with_armature(0.1), arms.with_limits(), arms.with_bodies()):
         assert derived.hands == arms.hands

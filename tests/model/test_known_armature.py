@@ -61,7 +61,7 @@ def test_robots_by_name(name: str, value: float, source: str) -> None:
 
 def test_two_robots_in_one_model_have_theirs() -> None:
     panda = known_robot("panda")
-    both = go.combine(panda, panda, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    both = go.model.combine(panda, panda, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     assert robot_armature(both).values.tolist() == [0.1] * 14
 
 

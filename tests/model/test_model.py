@@ -10,7 +10,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.drawing.meshes import meshes
 
 
 def test_model_keeps_a_copy(arm: go.Model) -> None:
@@ -195,14 +194,15 @@ def test_a_metric_or_model_in_the_wrong_place_is_named(
     message = "model must be a Model, got .*; use its attribute model"
     for call in (
         lambda: go.Reach(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
-        lambda: go.inverse_kinematics(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
-        lambda: go.geodesic_to_pose(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
+        lambda: go.ocp.inverse_kinematics(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
+        lambda: go.logarithm.geodesic_to_pose(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
     ):
         with pytest.raises(ValueError, match=message):
             call()
 
 
 def test_a_frame_with_the_name_of_a_joint_remains_what_the_name_means() -> None:
+    meshes = pytest.importorskip("geodesic_ocp.drawing.meshes").meshes
     body = pin.Inertia(1.0, np.array([0.2, 0.0, 0.0]), 0.1 * np.eye(3))
     chain = pin.Model()
     first = chain.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "tool")

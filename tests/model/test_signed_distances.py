@@ -162,7 +162,8 @@ def test_an_obstacle_on_a_link_is_ignored_for_that_link(arm: go.Model) -> None:
 
 
 def test_pairs_of_links_leave_out_adjacent_ones() -> None:
-    arms = go.combine(
+    pytest.importorskip("geodesic_ocp.execution")
+    arms = go.model.combine(
         go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
     )
     pairs = go.execution.link_pairs(arms).constrained

@@ -30,7 +30,7 @@ def along_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -
 @pytest.mark.slow
 @pytest.mark.parametrize("length", [0.5, 2.0, np.pi - 1e-3])
 def test_great_circles_are_minimizing_before_the_antipode(length: float) -> None:
-    certificate = go.certify(along_great_circle(length))
+    certificate = go.ocp.certify(along_great_circle(length))
     assert certificate.locally_shortest
     assert certificate.morse_index == 0
     assert certificate.first_conjugate_point is None
@@ -41,7 +41,7 @@ def test_great_circles_are_minimizing_before_the_antipode(length: float) -> None
 
 @pytest.mark.parametrize("length", [np.pi + 1e-3, 2 * np.pi + 0.1])
 def test_great_circles_are_not_minimizing_beyond_the_antipode(length: float) -> None:
-    certificate = go.certify(along_great_circle(length))
+    certificate = go.ocp.certify(along_great_circle(length))
     assert not certificate.locally_shortest
     assert certificate.morse_index == int(length / np.pi)  # Morse: conjugate points inside
     assert certificate.first_conjugate_point == pytest.approx(np.pi / length, abs=1e-5)
@@ -100,7 +100,7 @@ def test_constrained_paths_are_minimizing_but_not_geodesics() -> None:
 def test_undefined_metric_leaves_the_index_undetermined() -> None:
     grid = go.Grid(1, 20)
     straight = np.column_stack([2.0 * grid.nodes - 1.0, 0.0 * grid.nodes])
-    certificate = go.certify(go.Path(OutsideEllipse(), grid, straight))
+    certificate = go.ocp.certify(go.Path(OutsideEllipse(), grid, straight))
     assert not certificate.stationary
     assert not certificate.locally_shortest
     assert certificate.morse_index is None
@@ -112,7 +112,7 @@ def test_undefined_metric_leaves_the_index_undetermined() -> None:
 def test_paths_other_than_geodesics_are_not_stationary() -> None:
     grid = go.Grid(1, 20)
     wave = np.column_stack([1.2 + 0.3 * np.sin(6.0 * grid.nodes), grid.nodes])
-    certificate = go.certify(go.Path(Sphere(), grid, wave))
+    certificate = go.ocp.certify(go.Path(Sphere(), grid, wave))
     assert not certificate.stationary
     assert not certificate.locally_shortest
     coarse = go.solve(go.PointToPoint(Sphere(), [0.1, 0.0], [0.1, 3.0]), grid=go.Grid(1, 2))
@@ -122,11 +122,11 @@ def test_paths_other_than_geodesics_are_not_stationary() -> None:
 def test_certify_names_wrong_arguments() -> None:
     path = along_great_circle(1.0)
     with pytest.raises(ValueError, match=r"velocity must have shape \(2,\)"):
-        go.certify(path, [1.0, 2.0, 3.0])
+        go.ocp.certify(path, [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="velocity must be finite"):
-        go.certify(path, [np.nan, 1.0])
+        go.ocp.certify(path, [np.nan, 1.0])
     with pytest.raises(ValueError, match="path must be a Path"):
-        go.certify(3)  # type: ignore[arg-type]
+        go.ocp.certify(3)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1.0, 1e6])

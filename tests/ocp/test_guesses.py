@@ -65,7 +65,7 @@ class FromAbove(AmongDiscs):
 def test_a_planner_leads_out_of_a_cup(on_line: bool) -> None:
     problem = AmongDiscs(CUP, (0.0, 0.0), (2.0, 0.0), on_line)
     definition = problem.definition()
-    found = guesses.Guesses(definition, definition.grid).further(False)
+    found = guesses.Guesses(definition, definition.grid).further(False, guesses.Attempts())
     path = next(path for name, path in found if name.startswith("planner"))
     assert path is not None
     assert problem.clearance(path) > -2e-3  # lines are checked every 0.05

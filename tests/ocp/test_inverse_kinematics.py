@@ -57,22 +57,22 @@ def test_configurations_have_the_pose_and_are_within_limits(
     for _ in range(5):
         target = rng.uniform(arm.lower, arm.upper)
         rotation, position = arm.hand_pose(target)
-        q = go.inverse_kinematics(arm, START, position, rotation)
+        q = go.ocp.inverse_kinematics(arm, START, position, rotation)
         assert_allclose(arm.hand_pose(q)[0], rotation, rtol=0, atol=1e-6)
         assert_allclose(arm.hand_pose(q)[1], position, rtol=0, atol=1e-6)
         assert np.all(q >= arm.lower)
         assert np.all(q <= arm.upper)
     with pytest.raises(ValueError, match="inverse_kinematics needs a position, a rotation or both"):
-        go.inverse_kinematics(arm, START)
+        go.ocp.inverse_kinematics(arm, START)
 
 
 @pytest.mark.slow
 def test_configurations_are_clear_of_obstacles(arm: go.Model) -> None:
-    there = go.inverse_kinematics(arm, START, TARGET)
+    there = go.ocp.inverse_kinematics(arm, START, TARGET)
     assert_allclose(arm.hand_pose(there)[1], TARGET, rtol=0, atol=1e-6)
     elbow = arm.frame_pose("right forearm", there)[1]
     ball = go.Ball(tuple(elbow), 0.05)
-    clear = go.inverse_kinematics(arm, START, TARGET, obstacles=[ball], margin=0.01)
+    clear = go.ocp.inverse_kinematics(arm, START, TARGET, obstacles=[ball], margin=0.01)
     assert_allclose(arm.hand_pose(clear)[1], TARGET, rtol=0, atol=1e-6)
     assert min(go.distances.signed_distances(arm, clear, [ball]).values()) > 0.01 - 1e-7
 

@@ -145,7 +145,7 @@ def test_a_descent_that_is_stopped_gives_its_path(tmp_path: Path) -> None:
     assert next(numbers) == 31
     assert solution.path.discrete_energy < guess.discrete_energy
     solution.save(tmp_path / "stopped.json")
-    again = go.load_solution(tmp_path / "stopped.json", problem)
+    again = go.ocp.load_solution(tmp_path / "stopped.json", problem)
     assert again.violations == solution.violations
 
 

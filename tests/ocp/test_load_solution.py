@@ -27,7 +27,7 @@ def test_saved_solution_is_read_unchanged(tmp_path: Path, arm: go.Model) -> None
     for problem, tolerance in ((sphere, 1e-3), (PlaneAroundDisc(), 1e-3), (reach, None)):
         solution = go.solve(problem, tolerance=tolerance)
         file = solution.save(tmp_path / "solution.json")
-        again = go.load_solution(file, problem)
+        again = go.ocp.load_solution(file, problem)
         assert again.path.grid == solution.path.grid
         assert np.array_equal(again.path.nodes, solution.path.nodes)
         assert again.stats == solution.stats
@@ -44,10 +44,10 @@ def test_malformed_files_are_named(tmp_path: Path) -> None:
     good = go.solve(problem).save(tmp_path / "good.json")
     other = go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.9))
     with pytest.raises(go.RecordingError, match="a solution of PlaneAroundDisc, not of PointToP"):
-        go.load_solution(good, other)
+        go.ocp.load_solution(good, other)
     record = json.loads(good.read_text())
     for change, message in (
-        ({"version": 9}, "has version 9, expected 3"),
+        ({"version": 9}, "has version 9, expected 1"),
         ({"format": "soup"}, "is not a file of a solution"),
         ({"joint_names": ["a"]}, "its joints"),
         ({"nodes": [[0.0, 1.0]]}, "nodes must have shape"),
@@ -57,12 +57,12 @@ def test_malformed_files_are_named(tmp_path: Path) -> None:
         bad = tmp_path / "bad.json"
         bad.write_text(json.dumps(record | change))
         with pytest.raises(go.RecordingError, match=message):
-            go.load_solution(bad, problem)
+            go.ocp.load_solution(bad, problem)
     bad.write_text("{")
     with pytest.raises(go.RecordingError, match="is not JSON"):
-        go.load_solution(bad, problem)
+        go.ocp.load_solution(bad, problem)
     with pytest.raises(go.RecordingError, match="there is no such file"):
-        go.load_solution(tmp_path / "none.json", problem)
+        go.ocp.load_solution(tmp_path / "none.json", problem)
 
 
 def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,11 +90,11 @@ def test_model_with_other_limits_or_hand_is_refused(tmp_path: Path, arm: go.Mode
     file = go.solve(go.Reach(arm, START, target, limits=False)).save(tmp_path / "solution.json")
     wider = arm.with_limits(arm.lower, arm.upper + 0.1)
     with pytest.raises(go.RecordingError, match=r"upper of the problem's model 'human right arm'"):
-        go.load_solution(file, go.Reach(wider, START, target, limits=False))
+        go.ocp.load_solution(file, go.Reach(wider, START, target, limits=False))
     other = arm.with_hand("right forearm")
     with pytest.raises(go.RecordingError, match=r"hand of the problem's model 'human right arm'"):
-        go.load_solution(file, go.Reach(other, START, target, limits=False))
-    assert go.load_solution(file, go.Reach(arm, START, target, limits=False)).stats.success
+        go.ocp.load_solution(file, go.Reach(other, START, target, limits=False))
+    assert go.ocp.load_solution(file, go.Reach(arm, START, target, limits=False)).stats.success
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def test_obstacles_are_saved(tmp_path: Path) -> None:
         go.HalfSpace((0.0, 0.0, -0.5), (0.0, 0.0, 1.0), "floor"),
     )
     file = go.solve(WithObstacles(obstacles=obstacles)).save(tmp_path / "solution.json")
-    again = go.load_solution(file).problem
+    again = go.ocp.load_solution(file).problem
     assert isinstance(again, WithObstacles)
     assert again.obstacles == obstacles
 
@@ -135,10 +135,10 @@ def test_problem_that_is_no_dataclass_must_be_given(tmp_path: Path) -> None:
     with pytest.raises(
         go.RecordingError, match="does not hold the fields of NoDataclass; use load_solution"
     ):
-        go.load_solution(file)
-    assert go.load_solution(file, NoDataclass(2.0)).path(1.0) == pytest.approx(2.0)
+        go.ocp.load_solution(file)
+    assert go.ocp.load_solution(file, NoDataclass(2.0)).path(1.0) == pytest.approx(2.0)
     with pytest.raises(go.RecordingError, match="violates this problem's conditions by 1"):
-        go.load_solution(file, NoDataclass(3.0))
+        go.ocp.load_solution(file, NoDataclass(3.0))
 
 
 class Undefined(NoDataclass):
@@ -156,7 +156,7 @@ def test_iterate_that_is_not_a_number_is_saved(tmp_path: Path) -> None:
     file = failed.save(tmp_path / "solution.json")
     record = json.loads(file.read_text(), parse_constant=pytest.fail)
     assert record["stats"]["max_path_violation"] == "inf"
-    again = go.load_solution(file, Undefined(1.0))
+    again = go.ocp.load_solution(file, Undefined(1.0))
     assert again.stats.status == failed.stats.status
     assert again.record() == failed.record()
     assert_array_equal(again.path.nodes, failed.path.nodes)

@@ -226,9 +226,9 @@ def test_low_degree_gives_the_guess_where_high_degrees_fail() -> None:
     """Finer grids fail here until polynomials of degree two have been tried."""
     problem, seen = PlaneAroundDisc(), []
 
-    def solve_on(grid: go.Grid, guess: go.Path | go.Solution | None) -> go.Solution:
-        near = isinstance(guess, go.Solution)
-        path = guess.path if isinstance(guess, go.Solution) else guess
+    def solve_on(grid: go.Grid, guess: go.Path | go.ocp.Solution | None) -> go.ocp.Solution:
+        near = isinstance(guess, go.ocp.Solution)
+        path = guess.path if isinstance(guess, go.ocp.Solution) else guess
         solution = go.solve(problem, grid=grid, guess=path)
         seen.append((grid.degree, guess is None, near))
         failed = near and all(degree > 2 for degree, _, _ in seen)

@@ -17,6 +17,7 @@ from known_problems import PlaneAroundDisc
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.ocp.callback import Iterate
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET = (0.1, 0.45, -0.05)  # [m]
@@ -95,10 +96,11 @@ def test_coordinates_without_a_model_are_numbered() -> None:
 
 @pytest.mark.slow
 def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
     table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")
     reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
-    figure = go.solve(reach, grid=go.Grid(6, 3), throw=False).plot()
+    figure = go.plot(go.solve(reach, grid=go.Grid(6, 3), throw=False))
     joints, speed, hand, arm_along, close_up = figure.axes
     assert [line.get_label() for line in joints.get_lines()][:7] == list(arm.joint_names)
     assert joints.get_ylabel() == "coordinates q [rad]"
@@ -110,14 +112,14 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model) -> Non
     assert len([text for text in texts if text.startswith("s = ")]) == 6
     assert len([text for text in texts if "nearest" in text]) == 1
     assert close_up.get_title("left").startswith("nearest at s = ")
-    flat = go.solve(PlaneAroundDisc()).plot()
+    flat = go.plot(go.solve(PlaneAroundDisc()))
     assert flat.axes[1].get_xlabel() == "q[0]"  # no panel on a constant speed
 
 
 def test_saved_problem_is_restored(tmp_path: Path, arm: go.Model) -> None:
     solution = go.solve(PlaneAroundDisc(radius=0.4))
     file = solution.save(tmp_path / "disc.json")
-    again = go.load_solution(file)
+    again = go.ocp.load_solution(file)
     assert isinstance(again.problem, PlaneAroundDisc)
     assert again.problem.radius == 0.4
     assert again.path.length == solution.path.length
@@ -132,17 +134,17 @@ def test_saved_problem_is_restored(tmp_path: Path, arm: go.Model) -> None:
         bad = tmp_path / "bad.json"
         bad.write_text(json.dumps(record | change))
         with pytest.raises(go.RecordingError, match=message):
-            go.load_solution(bad)
+            go.ocp.load_solution(bad)
     reach = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
     with pytest.raises(go.RecordingError, match=r"use load_solution\('.*reach.json', problem\)"):
-        go.load_solution(reach)
+        go.ocp.load_solution(reach)
 
 
 def test_solution_of_another_model_is_refused(tmp_path: Path, arm: go.Model) -> None:
     file = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
     taller = go.Reach(go.human_arm("right", height=1.9), START, TARGET)
     with pytest.raises(go.RecordingError, match=r"its path has the energy .* in this problem's"):
-        go.load_solution(file, taller)
+        go.ocp.load_solution(file, taller)
 
 
 def test_nlp_can_be_solved_by_another_solver() -> None:
@@ -157,7 +159,7 @@ def test_nlp_can_be_solved_by_another_solver() -> None:
 
 
 def test_callback_receives_every_iterate() -> None:
-    seen: list[go.ocp.Iterate] = []
+    seen: list[Iterate] = []
     solution = go.solve(PlaneAroundDisc(), grid=go.Grid(16, 4), callback=seen.append)
     assert [iterate.number for iterate in seen] == list(range(solution.stats.iterations + 1))
     assert seen[-1].objective == pytest.approx(solution.stats.objective, rel=1e-8)
@@ -186,7 +188,7 @@ class Around(PlaneAroundDisc):
 
 def test_fields_are_restored_with_their_types(tmp_path: Path) -> None:
     problem = Around(radius=np.float32(0.25), centre=np.array([0.5, -1.0]), title="inf")
-    again = go.load_solution(go.solve(problem).save(tmp_path / "a.json")).problem
+    again = go.ocp.load_solution(go.solve(problem).save(tmp_path / "a.json")).problem
     assert isinstance(again, Around)
     assert again.radius == 0.25
     assert isinstance(again.centre, np.ndarray)
@@ -194,18 +196,18 @@ def test_fields_are_restored_with_their_types(tmp_path: Path) -> None:
     assert (again.title, again.far) == ("inf", np.inf)
     lamps = Around(lamps=(go.Ball((0.0, 0.0, 0.0), 0.1),))
     file = go.solve(lamps).save(tmp_path / "b.json")
-    assert go.load_solution(file).problem.lamps == lamps.lamps  # type: ignore[attr-defined]
+    assert go.ocp.load_solution(file).problem.lamps == lamps.lamps  # type: ignore[attr-defined]
     noted = Around(notes={"a": 1})
     file = go.solve(noted).save(tmp_path / "c.json")
     with pytest.raises(go.RecordingError, match="not hold the fields notes; use load_solution"):
-        go.load_solution(file)
-    assert go.load_solution(file, noted).stats.success
+        go.ocp.load_solution(file)
+    assert go.ocp.load_solution(file, noted).stats.success
 
 
 def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -> None:
     file = go.solve(PlaneAroundDisc(radius=0.5)).save(tmp_path / "disc.json")
     with pytest.raises(go.RecordingError, match=r"violates this problem's conditions by 0\.1"):
-        go.load_solution(file, PlaneAroundDisc(radius=0.6))
+        go.ocp.load_solution(file, PlaneAroundDisc(radius=0.6))
     record = json.loads(file.read_text())
     for part, key, value, message in (
         ("nlp", "lam_g", [1.0], "nlp.lam_g must be 65 numbers"),
@@ -220,19 +222,19 @@ def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -
         bad = tmp_path / "bad.json"
         bad.write_text(json.dumps(record | {part: record[part] | {key: value}}))
         with pytest.raises(go.RecordingError, match=message):
-            go.load_solution(bad, PlaneAroundDisc())
+            go.ocp.load_solution(bad, PlaneAroundDisc())
     bad.write_text(json.dumps(record | {"nodes": None}))
     with pytest.raises(go.RecordingError):
-        go.load_solution(bad, PlaneAroundDisc())
+        go.ocp.load_solution(bad, PlaneAroundDisc())
     bad.write_text("[" * 100_000)
     with pytest.raises(go.RecordingError, match="is not JSON"):
-        go.load_solution(bad, PlaneAroundDisc())
+        go.ocp.load_solution(bad, PlaneAroundDisc())
 
 
 def test_callback_stops_refinement() -> None:
     grids: list[int] = []
 
-    def second(iterate: go.ocp.Iterate) -> object:
+    def second(iterate: Iterate) -> object:
         grids.append(iterate.number)
         return np.bool_(grids.count(0) == 2)
 
@@ -270,10 +272,11 @@ def test_unhashable_options_are_named_and_lists_accepted() -> None:
 
 @pytest.mark.slow
 def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
     display = pytest.importorskip("IPython.display")
     with pytest.raises(ValueError, match="works in a notebook only"):
-        go.ocp.LivePlot(PlaneAroundDisc())
+        go.drawing.LivePlot(PlaneAroundDisc())
     shown: list[object] = []
 
     class Handle:
@@ -287,7 +290,7 @@ def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(display, "display", show)
     monkeypatch.setattr(ipython, "get_ipython", lambda: SimpleNamespace(kernel=object()))
     problem = PlaneAroundDisc()
-    with go.ocp.LivePlot(problem, interval=1e9) as live:
+    with go.drawing.LivePlot(problem, interval=1e9) as live:
         solution = go.solve(problem, grid=go.Grid(16, 4), callback=live)
     assert len(shown) == 2  # the first iterate, and the last one on closing
     assert shown[0] is shown[1]

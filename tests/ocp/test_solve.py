@@ -201,7 +201,7 @@ def test_infeasible_problem_is_explained_with_its_last_iterate() -> None:
     with pytest.raises(go.NotConverged, match=message) as info:
         go.solve(OutOfReach(), grid=grid)
     record = info.value.solution
-    assert isinstance(record, go.Solution)
+    assert isinstance(record, go.ocp.Solution)
     assert record.stats.worst_constraint == "hand"
     assert record.violations[0].amount > 1.0  # [m]
     assert record.violations[0].relative == pytest.approx(record.stats.max_path_violation)

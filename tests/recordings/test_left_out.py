@@ -113,8 +113,5 @@ def test_poses_of_smpl_from_video(tmp_path: Path) -> None:
 def test_settings_name_them() -> None:
     settings = RecordingSettings(sample_rate=50.0, degrees_in=True)
     assert (settings.reading()["rate"], settings.reading()["degrees_in"]) == (50.0, True)
-    assert RecordingSettings(amc_rate=60.0).reading()["rate"] == 60.0
-    with pytest.raises(ValueError, match="only one of sample_rate and amc_rate"):
-        RecordingSettings(sample_rate=50.0, amc_rate=60.0)
     with pytest.raises(ValueError, match="sample_rate must be"):
         RecordingSettings(sample_rate=-1.0)

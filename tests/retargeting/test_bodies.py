@@ -84,7 +84,7 @@ def test_one_configuration_has_the_poses_of_both_hands() -> None:
 
 
 @pytest.fixture(scope="module")
-def analysis() -> go.Analysis:
+def analysis() -> go.synergies.Analysis:
     """A person who turns the waist and reaches with both arms."""
     person = planar_body("person")
     time = np.linspace(0.0, 2.0, 81)
@@ -96,11 +96,13 @@ def analysis() -> go.Analysis:
 
 
 @pytest.fixture(scope="module")
-def result(analysis: go.Analysis) -> go.retargeting.Retargeting:
+def result(analysis: go.synergies.Analysis) -> go.retargeting.Retargeting:
     """On a body with another waist."""
     body = planar_body("body")
     limits = joint_limits(body, hand_speed=0.5)
-    settings = go.RetargetingSettings(exact=True, rotor_inertia=False, self_collision=False)
+    settings = go.retargeting.RetargetingSettings(
+        exact=True, rotor_inertia=False, self_collision=False
+    )
     given = alignments(body)
     return go.retarget(
         *(analysis, body),
@@ -131,7 +133,7 @@ def test_both_hands_pass_their_poses_on_one_trajectory(result: go.retargeting.Re
 
 
 @pytest.mark.slow
-def test_a_displaced_body_is_found_again(analysis: go.Analysis) -> None:
+def test_a_displaced_body_is_found_again(analysis: go.synergies.Analysis) -> None:
     """Its base moves both hands' poses by one rigid motion."""
     body = planar_body("body")
     given = alignments(body)
@@ -140,7 +142,7 @@ def test_a_displaced_body_is_found_again(analysis: go.Analysis) -> None:
         *(body, analysis),
         alignment=planted,
         person_alignment=given,
-        settings=go.RetargetingSettings(rotor_inertia=False, self_collision=False),
+        settings=go.retargeting.RetargetingSettings(rotor_inertia=False, self_collision=False),
         height=(0.0, 0.0),
     )
     assert found.reached == found.count > found.reached_before

@@ -52,7 +52,7 @@ def test_of_two_ways_to_follow_a_hand(
     arm: go.Model, recorded: go.Motion, planned: PlannedTrajectory
 ) -> None:
     same = align(arm)
-    mapping = PoseMapping.between(arm, same, same, go.RetargetingSettings())
+    mapping = PoseMapping.between(arm, same, same, go.retargeting.RetargetingSettings())
     found = compare_under_equal_limits(planned, recorded, mapping)
     ours, theirs, faster = found.values()
     assert next(iter(found)) == "geodesic synergies"
@@ -74,7 +74,7 @@ def test_orientation_may_be_left_free(
     arm: go.Model, recorded: go.Motion, planned: PlannedTrajectory
 ) -> None:
     same = align(arm)
-    mapping = PoseMapping.between(arm, same, same, go.RetargetingSettings())
+    mapping = PoseMapping.between(arm, same, same, go.retargeting.RetargetingSettings())
     turned = compare_under_equal_limits(planned, recorded, mapping, rate=50.0)
     free = compare_under_equal_limits(planned, recorded, mapping, rate=50.0, turning=False)
     name = "inverse kinematics (QP)"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from installed_robots import needs_robots
 
 import geodesic_ocp as go
+from geodesic_ocp.retargeting.live import LiveCommand
 from geodesic_ocp.retargeting.paired_arm import gravity_on
 from geodesic_ocp.synergies.segment import OnlineSegmentation
 
@@ -26,14 +27,14 @@ def new_live() -> go.retargeting.LiveRetargeting:
 
 
 def as_trajectory(
-    commands: list[go.retargeting.LiveCommand], robot: go.Model = ROBOT
-) -> go.JointTrajectory:
+    commands: list[LiveCommand], robot: go.Model = ROBOT
+) -> go.trajectory.JointTrajectory:
     names = ("time", "position", "velocity", "acceleration")
     columns = [np.array([getattr(each, name) for each in commands]) for name in names]
-    return go.JointTrajectory(*columns, robot.joint_names, robot.units)
+    return go.trajectory.JointTrajectory(*columns, robot.joint_names, robot.units)
 
 
-def speed(command: go.retargeting.LiveCommand) -> float:
+def speed(command: LiveCommand) -> float:
     return float(np.abs(command.velocity).max())
 
 
@@ -48,7 +49,7 @@ def test_command_keeps_all_limits_whatever_the_person_does() -> None:
         commands.append(live.step(k * STEP, q + 0.02 * rng.normal(size=7)))
     commands += [live.step(k * STEP) for k in range(120, 220)]
     trajectory = as_trajectory(commands)
-    checked = go.check_trajectory(trajectory, ROBOT, LIMITS)
+    checked = go.execution.check_trajectory(trajectory, ROBOT, LIMITS)
     assert checked.passed, checked
     weight = ROBOT.inverse_dynamics(live.command.position, np.zeros(7), np.zeros(7))
     assert live.command.torque == pytest.approx(weight, abs=1e-9)  # it rests again
@@ -84,7 +85,7 @@ def checked(
         commands.append(live.step(k * STEP, q + 0.01 * rng.normal(size=7)))
     commands += [live.step(k * STEP) for k in range(200, 340)]  # it brakes and rests
     gravity, trajectory = gravity_on(live.mapping.target), as_trajectory(commands, robot)
-    return go.check_trajectory(trajectory, robot, held or live.limits, gravity=gravity)
+    return go.execution.check_trajectory(trajectory, robot, held or live.limits, gravity=gravity)
 
 
 FREE = replace(LIMITS, acceleration=np.full(7, np.inf), jerk=np.full(7, np.inf))
@@ -92,7 +93,7 @@ SMOOTH = replace(LIMITS, jerk=0.3 * LIMITS.jerk)  # averages over 33 steps
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     seed=st.integers(0, 1000),
     every=st.integers(1, 60),
@@ -234,7 +235,7 @@ def test_robot_rests_while_the_stream_pauses_and_goes_on_after(repeated: bool) -
         commands.append(live.step(k * STEP, begin))
     reached = ROBOT.hand_pose(live.command.position)[1]
     assert reached == pytest.approx(live.mapping(begin)[1], abs=5e-3)
-    assert go.check_trajectory(as_trajectory(commands), ROBOT, LIMITS, rest=False).passed
+    assert go.execution.check_trajectory(as_trajectory(commands), ROBOT, LIMITS, rest=False).passed
 
 
 def test_limits_of_jerk_need_limits_of_acceleration() -> None:
@@ -250,7 +251,7 @@ def test_a_parallel_gripper_begins_with_the_nearer_grasp() -> None:
     hand = np.diag([-1.0, -1.0, 1.0]) @ np.asarray(aligned.hand)
     either = replace(aligned, hand=hand, parallel_gripper=True)
     kept = new_live()
-    start = go.inverse_kinematics(ROBOT, START, *reversed(kept.mapping(q)))
+    start = go.ocp.inverse_kinematics(ROBOT, START, *reversed(kept.mapping(q)))
     live = go.retargeting.LiveRetargeting(PERSON, ROBOT, start, alignment=either, limits=LIMITS)
     for k in range(30):
         live.step(k * STEP, q)

@@ -30,7 +30,7 @@ from geodesic_ocp.retargeting.settings import BEYOND, motion_clearance
 place_base = import_module("geodesic_ocp.retargeting.place_base")
 retarget = import_module("geodesic_ocp.retargeting.retarget")
 SCALE = 1.1
-LENIENT = go.RetargetingSettings(merge=0.4, self_collision=False)
+LENIENT = go.retargeting.RetargetingSettings(merge=0.4, self_collision=False)
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_the_program_of_the_place_starts_on_its_equalities(
 @needs_robots
 def test_bounds_from_where_links_overlapped_do_not_exclude_configurations_that_are_clear() -> None:
     robot = go.load_model("panda")
-    clearance = motion_clearance([robot], go.RetargetingSettings())
+    clearance = motion_clearance([robot], go.retargeting.RetargetingSettings())
     assert clearance is not None
     q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (60, robot.dof))
     program = PlaceProgram((), (), (), np.zeros(4), np.zeros(4), clearance)
@@ -266,7 +266,7 @@ def test_a_late_motion_is_planned_with_more_weight_of_time_if_that_is_quicker(
     limits = go.execution.joint_limits(robot)
     limits = replace(limits, velocity=limits.velocity / 2.0)
     given = {"alignment": go.retargeting.align(robot), "limits": limits}
-    chosen = go.RetargetingSettings(self_collision=False)
+    chosen = go.retargeting.RetargetingSettings(self_collision=False)
     found = go.retarget(analysis, robot, settings=chosen, **given)
     monkeypatch.setattr(retarget, "_QUICKER", 0.0)  # never
     usual = go.retarget(analysis, robot, settings=chosen, **given)
@@ -294,9 +294,12 @@ def test_a_scale_to_fit_is_the_largest_that_does(robot: go.Model) -> None:
         ({"analyses": []}, "analyses: there must be at least one"),
         ({"height": (0.2, 0.1)}, r"height: the least must not be above the largest, got \(0.2"),
         ({"yaw": 0.5}, r"yaw must have shape \(2,\)"),
-        ({"settings": go.RetargetingSettings(position_weight=0.0)}, "position_weight must be"),
         (
-            {"mirrored": True, "settings": go.RetargetingSettings(mirror=False)},
+            {"settings": go.retargeting.RetargetingSettings(position_weight=0.0)},
+            "position_weight must be",
+        ),
+        (
+            {"mirrored": True, "settings": go.retargeting.RetargetingSettings(mirror=False)},
             "mirrored: the side of the alignment must be known",
         ),
     ],
@@ -309,4 +312,4 @@ def test_wrong_arguments_are_named(robot: go.Model, change: dict[str, Any], mess
 
 def test_an_unknown_scale_is_named() -> None:
     with pytest.raises(ValueError, match="scale must be a number, 'fit' or None, got 'large'"):
-        go.RetargetingSettings(scale="large")
+        go.retargeting.RetargetingSettings(scale="large")

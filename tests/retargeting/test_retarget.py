@@ -18,12 +18,13 @@ from small_retargeting import small_retargeting
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.paired_arm import REACHED
 from geodesic_ocp.retargeting.result import warn_of_detours
 
 
 @pytest.fixture(scope="module")
-def analysis(bundled_file: Path) -> go.Analysis:
+def analysis(bundled_file: Path) -> go.synergies.Analysis:
     """The reach for the box in the bundled recording."""
     motion = go.read_motion(bundled_file).filtered()
     reach = slice(260, 430)
@@ -45,12 +46,12 @@ def robot() -> go.Model:
     return go.Model(chain, "hand", shapes=arm.bodies)
 
 
-SETTINGS = go.RetargetingSettings(merge=0.4, speed_limits=False)
+SETTINGS = go.retargeting.RetargetingSettings(merge=0.4, speed_limits=False)
 LOOSE = 1e-4  # tolerance of tests that are not about accuracy
 
 
 @pytest.fixture(scope="module")
-def found(analysis: go.Analysis, robot: go.Model) -> go.retargeting.Retargeting:
+def found(analysis: go.synergies.Analysis, robot: go.Model) -> go.retargeting.Retargeting:
     return go.retarget(analysis, robot, tolerance=LOOSE)
 
 
@@ -58,7 +59,9 @@ def outside(model: go.Model, q: np.ndarray) -> float:
     return float(np.max([model.lower - q, q - model.upper]))
 
 
-def test_hand_reaches_the_poses(found: go.retargeting.Retargeting, analysis: go.Analysis) -> None:
+def test_hand_reaches_the_poses(
+    found: go.retargeting.Retargeting, analysis: go.synergies.Analysis
+) -> None:
     (arm,) = found.arms
     assert arm.mapping.mirror
     assert not arm.out_of_reach
@@ -78,7 +81,7 @@ def test_hand_reaches_the_poses(found: go.retargeting.Retargeting, analysis: go.
 
 @pytest.mark.slow
 def test_a_parallel_gripper_takes_the_better_grasp(
-    found: go.retargeting.Retargeting, analysis: go.Analysis, robot: go.Model
+    found: go.retargeting.Retargeting, analysis: go.synergies.Analysis, robot: go.Model
 ) -> None:
     """Of a hand that is mounted the wrong way round, which two fingers do not mind."""
     aligned = found.arms[0].mapping.target
@@ -111,7 +114,7 @@ def test_limits_hold_everywhere(found: go.retargeting.Retargeting) -> None:
 
 @pytest.mark.slow
 def test_trajectory_is_sampled_evenly_and_consistent(
-    analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting
+    analysis: go.synergies.Analysis, robot: go.Model, found: go.retargeting.Retargeting
 ) -> None:
     finer = go.retarget(analysis, robot, tolerance=LOOSE, rate=1000.0)
     for result, rate in ((found, 100.0), (finer, 1000.0)):
@@ -154,10 +157,10 @@ def test_motion_passes_the_ends_of_the_synergies_and_stays_near_them(
 
 
 @pytest.mark.slow
-def test_own_arm_reaches_the_recorded_poses(analysis: go.Analysis) -> None:
+def test_own_arm_reaches_the_recorded_poses(analysis: go.synergies.Analysis) -> None:
     """On the person's own arm, from the recorded start, the poses are the recorded ones."""
     first = analysis.motion.q[0]
-    settings = go.RetargetingSettings(drop=0.0, merge=0.3)
+    settings = go.retargeting.RetargetingSettings(drop=0.0, merge=0.3)
     found = go.retarget(analysis, analysis.model, start=first, settings=settings)
     (arm,) = found.arms
     assert arm.mapping.scale == pytest.approx(1.0)
@@ -170,7 +173,7 @@ def test_own_arm_reaches_the_recorded_poses(analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_formulation_with_free_geodesics(analysis: go.Analysis, robot: go.Model) -> None:
+def test_formulation_with_free_geodesics(analysis: go.synergies.Analysis, robot: go.Model) -> None:
     settings = replace(SETTINGS, formulation="geodesic")
     free = go.retarget(analysis, robot, settings=settings)
     (arm,) = free.arms
@@ -185,14 +188,16 @@ def test_formulation_with_free_geodesics(analysis: go.Analysis, robot: go.Model)
 
 
 @pytest.mark.slow
-def test_from_rest_to_rest(analysis: go.Analysis, robot: go.Model) -> None:
+def test_from_rest_to_rest(analysis: go.synergies.Analysis, robot: go.Model) -> None:
     """The recording begins in the middle of a motion, which no robot can."""
     moving, resting = (
         go.retarget(
             analysis,
             robot,
             tolerance=LOOSE,
-            settings=go.RetargetingSettings(merge=0.4, rest=rest, orientation_weight=0.0),
+            settings=go.retargeting.RetargetingSettings(
+                merge=0.4, rest=rest, orientation_weight=0.0
+            ),
         )
         for rest in (False, True)
     )
@@ -202,7 +207,7 @@ def test_from_rest_to_rest(analysis: go.Analysis, robot: go.Model) -> None:
 
 
 @pytest.mark.slow
-def test_free_orientation(analysis: go.Analysis, robot: go.Model) -> None:
+def test_free_orientation(analysis: go.synergies.Analysis, robot: go.Model) -> None:
     found = go.retarget(analysis, robot, settings=replace(SETTINGS, orientation_weight=0.0))
     (arm,) = found.arms
     assert all(transfer.rotation_error == 0.0 for transfer in arm.transfers)
@@ -216,8 +221,8 @@ def test_free_orientation(analysis: go.Analysis, robot: go.Model) -> None:
 
 
 @pytest.mark.slow
-def test_free_position_with_slow_joints(analysis: go.Analysis, robot: go.Model) -> None:
-    settings = go.RetargetingSettings(position_weight=0.0, merge=0.4)
+def test_free_position_with_slow_joints(analysis: go.synergies.Analysis, robot: go.Model) -> None:
+    settings = go.retargeting.RetargetingSettings(position_weight=0.0, merge=0.4)
     found = go.retarget(analysis, robot, settings=settings)
     for transfer in found.arms[0].transfers:
         assert transfer.rotation_error <= REACHED
@@ -225,7 +230,9 @@ def test_free_position_with_slow_joints(analysis: go.Analysis, robot: go.Model) 
 
 
 @pytest.mark.slow
-def test_baseline_begins_at_the_first_pose(analysis: go.Analysis, robot: go.Model) -> None:
+def test_baseline_begins_at_the_first_pose(
+    analysis: go.synergies.Analysis, robot: go.Model
+) -> None:
     """Wherever the synergies begin; otherwise it would first move there at high speed."""
     start = np.array([0.2, 0.0, -0.3, 1.9, 0.0, 0.0, 0.0])
     (arm,) = go.retarget(analysis, robot, start=start, tolerance=LOOSE, settings=SETTINGS).arms
@@ -236,7 +243,7 @@ def test_baseline_begins_at_the_first_pose(analysis: go.Analysis, robot: go.Mode
 
 @pytest.mark.slow
 def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
-    analysis: go.Analysis, robot: go.Model
+    analysis: go.synergies.Analysis, robot: go.Model
 ) -> None:
     reported: list[str] = []
 
@@ -284,7 +291,9 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
 
 
 @pytest.mark.slow
-def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Model) -> None:
+def test_obstacle_is_avoided_with_a_margin(
+    analysis: go.synergies.Analysis, robot: go.Model
+) -> None:
     free = go.retarget(analysis, robot, tolerance=LOOSE, settings=SETTINGS)
     hand = robot.hand_pose(free.motion.q)[1]
     k = len(hand) * 3 // 4  # while the hand rises
@@ -308,8 +317,12 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
 
 
 @pytest.mark.slow
-def test_a_person_who_rests_is_a_robot_that_rests(analysis: go.Analysis, robot: go.Model) -> None:
-    settings = go.RetargetingSettings(drop=100.0, merge=100.0, pose_tolerance=(1.0, 3.0))
+def test_a_person_who_rests_is_a_robot_that_rests(
+    analysis: go.synergies.Analysis, robot: go.Model
+) -> None:
+    settings = go.retargeting.RetargetingSettings(
+        drop=100.0, merge=100.0, pose_tolerance=(1.0, 3.0)
+    )
     found = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)
     assert found.success
     # The person moves on meanwhile, by this much.
@@ -324,16 +337,18 @@ def test_a_person_who_rests_is_a_robot_that_rests(analysis: go.Analysis, robot: 
 
 
 @pytest.mark.slow
-def test_without_any_limits(analysis: go.Analysis, robot: go.Model) -> None:
+def test_without_any_limits(analysis: go.synergies.Analysis, robot: go.Model) -> None:
     infinite = np.full(7, np.inf)
     free = robot.with_limits(-infinite, infinite)
-    settings = go.RetargetingSettings(merge=0.4, limits=False, speed_limits=False)
+    settings = go.retargeting.RetargetingSettings(merge=0.4, limits=False, speed_limits=False)
     found = go.retarget(analysis, free, tolerance=LOOSE, settings=settings)
     assert found.success
     assert found.stretch == pytest.approx(1.0, abs=1e-3)
 
 
-def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.Model) -> None:
+def test_start_in_collision_is_reported_before(
+    analysis: go.synergies.Analysis, robot: go.Model
+) -> None:
     start = np.array([0.2, 0.0, -0.3, 1.0, 0.0, 0.0, 0.0])
     centre = robot.hand_pose(start)[1]
     called: list[str] = []
@@ -343,14 +358,14 @@ def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.
             analysis,
             robot,
             start=start,
-            settings=go.RetargetingSettings(obstacles=[ball], obstacle_margin=0.03),
+            settings=go.retargeting.RetargetingSettings(obstacles=[ball], obstacle_margin=0.03),
             progress=lambda label, done, total: called.append(label),
         )
     assert not called
 
 
 def test_an_obstacle_that_a_link_always_overlaps_is_named(
-    analysis: go.Analysis, robot: go.Model
+    analysis: go.synergies.Analysis, robot: go.Model
 ) -> None:
     around = replace(SETTINGS, obstacles=[go.Ball((0.0, 0.0, 0.0), 0.1, name="lamp")])
     with pytest.raises(ValueError, match="256 configurations: right upper arm to lamp;"):
@@ -384,16 +399,19 @@ def test_an_obstacle_that_a_link_always_overlaps_is_named(
 )
 def test_wrong_settings_are_named(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        go.RetargetingSettings(**fields)
+        go.retargeting.RetargetingSettings(**fields)
 
 
-TAIL = go.RetargetingSettings(links=["tail"], obstacles=[go.Ball((9, 9, 9), 0.1)])
+TAIL = go.retargeting.RetargetingSettings(links=["tail"], obstacles=[go.Ball((9, 9, 9), 0.1)])
 
 
 @pytest.mark.parametrize(
     ("keywords", "message"),
     [
-        ({"settings": go.RetargetingSettings(drop=2.0, merge=1.0)}, "drop and merge must be"),
+        (
+            {"settings": go.retargeting.RetargetingSettings(drop=2.0, merge=1.0)},
+            "drop and merge must be",
+        ),
         ({"settings": {"drop": 2.0}}, "settings must be RetargetingSettings"),
         ({"problem": go.Reach}, "problem must be SynergyPaths or a subclass"),
         ({"settings": TAIL}, "no body at 'tail'"),
@@ -406,13 +424,15 @@ TAIL = go.RetargetingSettings(links=["tail"], obstacles=[go.Ball((9, 9, 9), 0.1)
     ],
 )
 def test_wrong_arguments_are_named(
-    analysis: go.Analysis, robot: go.Model, keywords: dict[str, Any], message: str
+    analysis: go.synergies.Analysis, robot: go.Model, keywords: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
         go.retarget(analysis, robot, **keywords)
 
 
-def test_wrong_analyses_and_robots_are_named(analysis: go.Analysis, robot: go.Model) -> None:
+def test_wrong_analyses_and_robots_are_named(
+    analysis: go.synergies.Analysis, robot: go.Model
+) -> None:
     with pytest.raises(ValueError, match="2 analyses for 1 robots"):
         go.retargeting.retarget_arms([analysis, analysis], [robot])
     motion = analysis.motion
@@ -445,7 +465,7 @@ def test_tables_and_figure_show_both_methods(found: go.retargeting.Retargeting) 
     assert [row[1] for row in rows_of_table(synergies)] == list(range(1, len(arm.groups) + 1))
     assert str(rows_of_table(synergies)[0][2]).startswith("1")
     assert str(rows_of_table(synergies)[-1][2]).endswith(str(len(arm.analysis.synergies)))
-    figure = found.plot()
+    figure = go.plot(found)
     (part,) = figure.subfigs
     panels = part.axes
     labels = [panel.get_ylabel() for panel in panels]
@@ -502,16 +522,16 @@ def test_reprs_are_short(found: go.retargeting.Retargeting) -> None:
     assert check_reprs(values) >= {
         go.retargeting.Retargeting,
         go.retargeting.RetargetedArm,
-        go.retargeting.SynergyGroup,
+        SynergyGroup,
     }
 
 
 @pytest.mark.slow
 @needs_robots
-def test_on_panda(analysis: go.Analysis) -> None:
+def test_on_panda(analysis: go.synergies.Analysis) -> None:
     """By the synergies of Klein et al."""
     analysis = go.analyse(analysis.model, analysis.motion, metric="kinetic", segments=go.segment)
-    settings = go.RetargetingSettings(merge=0.3)
+    settings = go.retargeting.RetargetingSettings(merge=0.3)
     found = go.retarget(analysis, go.load_model("panda"), settings=settings)
     (arm,) = found.arms
     assert arm.mapping.mirror
@@ -525,9 +545,9 @@ def test_on_panda(analysis: go.Analysis) -> None:
 
 @pytest.mark.slow
 @needs_robots
-def test_torques_beyond_the_share_are_named(analysis: go.Analysis) -> None:
+def test_torques_beyond_the_share_are_named(analysis: go.synergies.Analysis) -> None:
     robot, share = go.load_model("talos-right-arm"), 0.2
-    settings = go.RetargetingSettings(torque_share=share)
+    settings = go.retargeting.RetargetingSettings(torque_share=share)
     with pytest.warns(UserWarning, match="more than the share of 0.2") as told:
         found = go.retarget(analysis, robot, settings=settings)
     said = " ".join(str(each.message) for each in told)
@@ -570,7 +590,7 @@ def test_a_baseline_that_no_configuration_is_clear_for_begins_where_the_synergie
 @pytest.mark.slow
 @pytest.mark.parametrize("sample", [0, -1])
 def test_an_obstacle_where_the_hand_has_to_be_moves_the_robot_unless_it_is_fixed(
-    analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting, sample: int
+    analysis: go.synergies.Analysis, robot: go.Model, found: go.retargeting.Retargeting, sample: int
 ) -> None:
     """The obstacle moves with it, as it is in the frame of its base."""
     (arm,) = found.arms

@@ -42,7 +42,7 @@ def robot(zero: float) -> go.Model:
 @pytest.mark.parametrize("zero", [np.pi / 2.0, np.pi])
 def test_the_zero_of_a_continuous_joint_does_not_matter(zero: float) -> None:
     """The person's motion passes half a revolution of one of them."""
-    settings = go.RetargetingSettings(speed_limits=False)
+    settings = go.retargeting.RetargetingSettings(speed_limits=False)
     actions, ranges = [], []
     for arm in (robot(0.0), robot(zero)):
         aligned = go.retargeting.propose_alignment(arm)

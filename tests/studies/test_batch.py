@@ -55,7 +55,7 @@ def test_figures_are_drawn_on_request(data: Path, tmp_path: Path) -> None:
     """Also of recordings that were analysed without."""
     counts = [
         (each.analysed, each.found)
-        for each in (run(data / "Bo", tmp_path, figures=each) for each in (False, True, True))
+        for each in (run(data / "Bo", tmp_path, draw=each) for each in (None, go.plot, go.plot))
     ]
     assert counts == [(1, 0), (1, 0), (0, 1)]
     results = [each.stem for each in (tmp_path / "results").glob("*[0-9a-f].json")]
@@ -187,7 +187,9 @@ def test_failures_of_solvers_and_warnings_are_told(
 
     analyse = analyse_recording.analyse
 
-    def altered(model: go.Model, motion: go.Motion, *options: Any, **more: Any) -> go.Analysis:
+    def altered(
+        model: go.Model, motion: go.Motion, *options: Any, **more: Any
+    ) -> go.synergies.Analysis:
         if motion.subject.name == "Bob":
             raise go.NotConverged("no geodesic was found")
         import warnings

@@ -51,5 +51,5 @@ def test_doubts_about_a_motion_are_repeated_by_files_studies_and_fits(tmp_path: 
     assert f"Doubtful, but in the means: 1 ({DOUBT})." in go.study(analyses).notes
     analyses[0].save(tmp_path)
     assert read_saved_synergies(tmp_path / "synergies.json").motion.doubts == (DOUBT,)
-    fit = go.fit_metric([go.trajectory.Recording(arm, motion, "a")])
+    fit = go.fitting.fit_metric([go.trajectory.Recording(arm, motion, "a")])
     assert f"a: Doubtful: {DOUBT}." in text(fit.table())

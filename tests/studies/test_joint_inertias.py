@@ -185,7 +185,7 @@ def test_one_command_recovers_the_constants_of_synthetic_people(
     15 %, and how they scale; by the rule of Klein et al., which finds the ends exactly.
     """
     exponent = 0.0
-    sizes = {(1.5, 40.0): 2, (1.65, 60.0): 1, (1.8, 80.0): 1, (1.9, 120.0): 1}
+    sizes = {(1.5, 40.0): 1, (1.65, 60.0): 1, (1.8, 80.0): 1, (1.9, 120.0): 1}
     table = write_people(tmp_path / "data", exponent, sizes)
     out = tmp_path / "out"
     command = ["analyse", str(tmp_path / "data"), "--recursive", "--study", "--out", str(out)]

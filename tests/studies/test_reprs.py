@@ -14,7 +14,7 @@ from geodesic_ocp.studies.sources import RecordingSource
 
 
 @pytest.mark.slow
-def test_reprs_are_short(bundled_analysis: go.Analysis) -> None:
+def test_reprs_are_short(bundled_analysis: go.synergies.Analysis) -> None:
     study = go.study([bundled_analysis] * 3, names=["a", "b", "c"], subjects=["Ann", "Bob", "Cleo"])
     source = RecordingSource(Path("folder/climb.csv"), "folder/climb.csv", "left")
     failed = RecordingOutcome(source, "file", "folder/climb.csv: is empty")

@@ -210,7 +210,6 @@ def test_a_rate_of_segments_needs_a_duration(
     study = study_of_rows(rows_of("a", "Ann", errors, duration_s=0.0))
     with pytest.raises(ValueError, match="'segments_per_second': the table has no segments"):
         study.means("segments_per_second")
-    monkeypatch.setattr(StudyResult, "figures", lambda *_, **__: {})
     names = {file.name for file in study.save(tmp_path / "paper")}
     assert "by_subject_segments.csv" in names
     assert "by_subject_segments_per_second.csv" not in names

@@ -138,7 +138,7 @@ def test_recordings_that_were_cut_by_different_metrics_are_not_averaged(tmp_path
     assert len(study(tmp_path, by="metric").means("joint")) == 2
 
 
-@pytest.mark.parametrize("other", ["online", None])  # tables of earlier versions do not say
+@pytest.mark.parametrize("other", ["online", None])  # tables of other origin may not say
 def test_recordings_that_were_cut_by_different_rules_are_not_averaged(
     tmp_path: Path, other: str | None
 ) -> None:

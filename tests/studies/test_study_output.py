@@ -20,6 +20,7 @@ from geodesic_ocp.drawing.study_figures import (
     draw_groups,
     draw_trend,
     fit_scale,
+    study_figures,
 )
 from geodesic_ocp.drawing.styles import new_figure
 from geodesic_ocp.studies.study import study
@@ -77,14 +78,14 @@ def test_csv_has_all_digits(eight: StudyResult, folder: Path) -> None:
 
 def test_figures_of_one_subject_and_without_a_table_of_synergies() -> None:
     rows = rows_of("a", "Ann", {"riemannian": 0.1, "euclidean_same_segments": 0.2})
-    figures = study_of_rows(rows).figures()
+    figures = study_figures(study_of_rows(rows))
     assert set(figures) == {"errors", "differences"}
     labels = [text.get_text() for text in figures["errors"].legends[0].get_texts()]
     assert labels == ["subject", "mean"]  # without an interval
 
 
 def test_axes_have_units_and_every_subject_is_drawn(eight: StudyResult) -> None:
-    figures = eight.figures("position")
+    figures = study_figures(eight, "position")
     panels = figures["errors"].axes
     assert [axes.get_xlabel() for axes in panels] == [
         "joint error [rad]",
@@ -103,7 +104,7 @@ def test_axes_have_units_and_every_subject_is_drawn(eight: StudyResult) -> None:
 def test_figures_of_conditions() -> None:
     recordings, synergies = drawn(4, 5, 2)
     study = study_of_rows(recordings, synergies, by="trial")
-    figures = study.figures(against="0")
+    figures = study_figures(study, against="0")
     assert set(figures) == set(FIGURES)
     labels = [text.get_text() for text in figures["errors"].legends[0].get_texts()]
     assert labels == ["subject", "0: mean, 95% interval", "1: mean, 95% interval"]

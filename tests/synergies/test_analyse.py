@@ -15,12 +15,12 @@ import pinocchio as pin
 import pytest
 from known_models import planar_arm
 from matplotlib.figure import Figure
+from motion_files import motion_in
 from shaded_times import is_shaded
 from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.metrics import FRACTION
-from geodesic_ocp.studies.study_tables import recording_rows
 from geodesic_ocp.tables import markdown, text
 
 synergy_module = importlib.import_module("geodesic_ocp.synergies.synergy")
@@ -29,7 +29,7 @@ METHODS = ["riemannian", "kinetic_energy", "euclidean_same_segments", "euclidean
 
 
 @pytest.mark.slow
-def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
+def test_everything_is_there(bundled_analysis: go.synergies.Analysis) -> None:
     assert sorted(bundled_analysis.errors) == sorted(METHODS)
     assert bundled_analysis.not_found == ()
     assert len(bundled_analysis.segments) == len(bundled_analysis.synergies)
@@ -46,7 +46,7 @@ def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
     assert again == bundled_analysis.errors["riemannian"]
 
 
-def test_errors_are_small_against_the_motion(bundled_analysis: go.Analysis) -> None:
+def test_errors_are_small_against_the_motion(bundled_analysis: go.synergies.Analysis) -> None:
     hand = bundled_analysis.model.hand_pose(bundled_analysis.motion.q)[1]
     path = np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()
     assert bundled_analysis.errors["riemannian"].position < 0.02 * path
@@ -59,7 +59,7 @@ def test_errors_are_small_against_the_motion(bundled_analysis: go.Analysis) -> N
 
 
 @pytest.mark.slow
-def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
+def test_finer_thresholds_explain_more(bundled_analysis: go.synergies.Analysis) -> None:
     model, motion, metric = bundled_analysis.model, bundled_analysis.motion, bundled_analysis.metric
     coarse, fine = (go.segment(metric, motion, threshold) for threshold in (0.6, 0.3))
     assert len(fine) > len(coarse)
@@ -72,7 +72,7 @@ def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
     assert errors[1] < errors[0]
 
 
-def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
+def test_table_shows_all_comparisons(bundled_analysis: go.synergies.Analysis) -> None:
     table = bundled_analysis.table()
     count = len(bundled_analysis.segments)
     counts = [count, count, count, bundled_analysis.segment_counts["euclidean"], None]
@@ -87,8 +87,9 @@ def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
-    figure = bundled_analysis.plot(lambda axes: axes.set_title("curve", loc="right"))
+def test_figure_has_its_panels(bundled_analysis: go.synergies.Analysis) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
+    figure = go.plot(bundled_analysis, curve=lambda axes: axes.set_title("curve", loc="right"))
     assert isinstance(figure, Figure)
     strip, joints, hand, path, curve = figure.axes
     assert curve.get_title("right") == "curve"
@@ -106,7 +107,9 @@ def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
+def test_saved_results_can_be_loaded(
+    bundled_analysis: go.synergies.Analysis, tmp_path: Path
+) -> None:
     folder = tmp_path / "new" / "results"
     folder.mkdir(parents=True)
     (folder / "table.md").write_text("of an older analysis, to be replaced")
@@ -131,7 +134,7 @@ def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Pa
 
 @pytest.mark.slow
 def test_a_failed_save_leaves_nothing_half_written(
-    bundled_analysis: go.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bundled_analysis: go.synergies.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(self: Figure, *arguments: object, **options: object) -> None:
         raise OSError("disk full")
@@ -146,14 +149,16 @@ def test_a_failed_save_leaves_nothing_half_written(
 def test_progress_runs_to_its_end(bundled_file: Path) -> None:
     seen: list[tuple[str, int, int]] = []
     arm = go.human_arm("left")
-    motion = go.read_motion(bundled_file, arm.joint_names)
+    motion = motion_in(bundled_file, arm.joint_names)
     go.analyse(arm, motion.part(740, len(motion) - 1), progress=lambda *report: seen.append(report))
     assert seen[0][0] == "cutting into segments"
     assert seen[-1][1] == seen[-1][2] > 0
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
 
 
-def test_repr_is_short_and_notebooks_show_the_table(bundled_analysis: go.Analysis) -> None:
+def test_repr_is_short_and_notebooks_show_the_table(
+    bundled_analysis: go.synergies.Analysis,
+) -> None:
     lines = repr(bundled_analysis).splitlines()
     assert len(lines) == 3
     assert f"{len(bundled_analysis.synergies)} geodesic synergies" in lines[0]
@@ -162,8 +167,8 @@ def test_repr_is_short_and_notebooks_show_the_table(bundled_analysis: go.Analysi
     assert bundled_analysis._repr_markdown_() == markdown(bundled_analysis.table())
 
 
-def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.Analysis) -> None:
-    motion = go.read_motion(bundled_file)
+def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.synergies.Analysis) -> None:
+    motion = motion_in(bundled_file)
     with pytest.raises(ValueError, match="there is no joint RSx_joint"):
         go.analyse(go.human_arm("right"), motion)
     with pytest.raises(ValueError, match="too short to filter"):
@@ -190,7 +195,7 @@ def test_take_book_from_shelf(shared: Path) -> None:
     """Values of an independent implementation of the paper's metric and rule, to 20 %."""
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arm = go.human_arm("right", 1.83, 100.0)
-    motion = go.read_motion(file).filtered(window=21, order=2)
+    motion = motion_in(file).filtered(window=21, order=2)
     rule = partial(go.segment, min_duration=0.0, hysteresis=0.0)
     analysis = go.analyse(arm, motion, metric="kinetic", segments=rule)
     assert len(analysis.segments) == pytest.approx(20, rel=0.2)
@@ -207,7 +212,7 @@ def test_joint_inertia_explains_a_recording_better_than_straight_lines(shared: P
     """On the same segments, in the joints and in position and orientation of the hand."""
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arm = go.human_arm("right", 1.83, 100.0)
-    errors = go.analyse(arm, go.read_motion(file)).errors
+    errors = go.analyse(arm, motion_in(file)).errors
     ours, straight = errors["riemannian"], errors["euclidean_same_segments"]
     assert ours.joint < 0.95 * straight.joint
     assert ours.position < 0.8 * straight.position
@@ -225,7 +230,7 @@ def test_joint_inertia_explains_a_recording_better_than_straight_lines(shared: P
 def test_every_log_map_of_every_recording_converges(name: str, side: str, shared: Path) -> None:
     arm = go.human_arm(side, 1.83, 100.0)
     metric = go.KineticEnergy(arm)
-    motion = go.read_motion(shared / "data" / "kit" / f"{name}.xml")
+    motion = motion_in(shared / "data" / "kit" / f"{name}.xml")
     analysis = go.analyse(arm, motion, metric=metric)
     for synergy in analysis.synergies:
         start, stop = synergy.path(0.0), synergy.path(1.0)
@@ -390,6 +395,7 @@ def test_a_segment_without_a_geodesic_does_not_lose_the_others(
     planar: tuple[go.Model, go.Motion], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Errors of the metric that is compared are means over the samples of the other segments."""
+    recording_rows = pytest.importorskip("geodesic_ocp.studies.study_tables").recording_rows
     arm, motion = planar
     cut = [(0, 50), (50, 90), (90, 120)]
     whole = go.analyse(arm, motion, segments=cut)

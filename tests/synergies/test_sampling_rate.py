@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motion_files import motion_in
 from scipy.interpolate import CubicSpline
 
 import geodesic_ocp as go
@@ -96,7 +97,7 @@ def recordings(shared: Path) -> list[tuple[str, go.Model, go.Motion]]:
     ):
         for side in ("right", "left") if name == "Trial_75" else ("right",):
             joints = [each.replace("R", side[0].upper(), 1) for each in RIGHT]
-            motion = go.read_motion(shared / "data" / "kit" / f"{name}.xml", joints)
+            motion = motion_in(shared / "data" / "kit" / f"{name}.xml", joints)
             found.append((name, go.human_arm(side, motion.subject.height), motion))
     return found
 

@@ -11,6 +11,7 @@ from smooth_motions import reversing
 import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import sample_geodesic
 from geodesic_ocp.synergies import segment_costs
+from geodesic_ocp.synergies.optimal_segmentations import OptimalSegmentations
 
 TIME = reversing().time
 GRID = list(range(0, 46, 5))  # every 0.1 s
@@ -42,9 +43,7 @@ def costs(
 
 
 @pytest.fixture(scope="module")
-def found(
-    arm_metric: go.KineticEnergy, motion: go.Motion
-) -> dict[str, go.synergies.OptimalSegmentations]:
+def found(arm_metric: go.KineticEnergy, motion: go.Motion) -> dict[str, OptimalSegmentations]:
     return {
         measure: go.synergies.optimal_segmentations(arm_metric, motion, measure=measure, **OPTIONS)
         for measure in MEASURES
@@ -66,7 +65,7 @@ def all_partitions(costs: dict[tuple[int, int], float]) -> dict[tuple[int, ...],
 @pytest.mark.parametrize("measure", MEASURES)
 def test_cuts_on_the_grid_are_the_best_of_all(
     measure: str,
-    found: dict[str, go.synergies.OptimalSegmentations],
+    found: dict[str, OptimalSegmentations],
     costs: dict[str, dict[tuple[int, int], float]],
 ) -> None:
     partitions = all_partitions(costs[measure])
@@ -94,7 +93,7 @@ def test_cuts_on_the_grid_are_the_best_of_all(
 @pytest.mark.parametrize("measure", MEASURES)
 def test_error_is_that_of_the_reconstruction(
     measure: str,
-    found: dict[str, go.synergies.OptimalSegmentations],
+    found: dict[str, OptimalSegmentations],
     arm: go.Model,
     arm_metric: go.KineticEnergy,
     motion: go.Motion,
@@ -110,7 +109,7 @@ def test_error_is_that_of_the_reconstruction(
 
 @pytest.mark.slow
 def test_no_cut_can_be_moved_by_a_sample_for_the_better(
-    found: dict[str, go.synergies.OptimalSegmentations], arm: go.Model, motion: go.Motion
+    found: dict[str, OptimalSegmentations], arm: go.Model, motion: go.Motion
 ) -> None:
     result = found["joint"]
     segments = result.segments(4)
@@ -131,7 +130,7 @@ def test_no_cut_can_be_moved_by_a_sample_for_the_better(
 
 @pytest.mark.slow
 def test_one_run_or_one_call_cut_alike(
-    found: dict[str, go.synergies.OptimalSegmentations],
+    found: dict[str, OptimalSegmentations],
     arm_metric: go.KineticEnergy,
     motion: go.Motion,
 ) -> None:

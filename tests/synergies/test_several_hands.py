@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motion_files import motion_in
 from table_rows import header_of, rows_of_table
 
 import geodesic_ocp as go
@@ -22,7 +23,7 @@ def arms() -> list[go.Model]:
 
 @pytest.fixture(scope="module")
 def both(arms: list[go.Model]) -> go.Model:
-    return go.combine(*arms, placements=SHOULDERS)
+    return go.model.combine(*arms, placements=SHOULDERS)
 
 
 def swing(model: go.Model) -> go.Motion:
@@ -34,7 +35,7 @@ def swing(model: go.Model) -> go.Motion:
 
 
 @pytest.fixture(scope="module")
-def analysis(both: go.Model) -> go.Analysis:
+def analysis(both: go.Model) -> go.synergies.Analysis:
     return go.analyse(both, swing(both))
 
 
@@ -105,7 +106,7 @@ def test_minimum_jerk_moves_all_hands(both: go.Model, arms: list[go.Model]) -> N
 
 
 @pytest.mark.slow
-def test_the_table_names_each_hand(analysis: go.Analysis) -> None:
+def test_the_table_names_each_hand(analysis: go.synergies.Analysis) -> None:
     table = analysis.table()
     assert header_of(table) == ("method", "segments", "joints [rad]", *NAMED)
     hands = analysis.errors["riemannian"].hands
@@ -114,8 +115,9 @@ def test_the_table_names_each_hand(analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_the_figure_shows_each_hand(analysis: go.Analysis) -> None:
-    figure = analysis.plot(lambda axes: axes.set_xlabel("number of synergies"))
+def test_the_figure_shows_each_hand(analysis: go.synergies.Analysis) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
+    figure = go.plot(analysis, curve=lambda axes: axes.set_xlabel("number of synergies"))
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
     assert {"joints [rad]", "right hand [mm]", "left hand [mm]"} <= set(panels)
     for hand in analysis.errors["riemannian"].hands:
@@ -125,17 +127,18 @@ def test_the_figure_shows_each_hand(analysis: go.Analysis) -> None:
             axes.get_title("left").startswith(f"path of the {hand.name}") for axes in figure.axes
         )
     assert figure.axes[-1].get_xlabel() == "number of synergies"
-    assert len(analysis.plot().axes) == 6
+    assert len(go.plot(analysis).axes) == 6
 
 
 @pytest.mark.slow
 def test_a_single_hand_keeps_its_columns(arms: list[go.Model]) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     analysis = go.analyse(arms[0], swing(arms[0]))
     assert header_of(analysis.table())[3:] == (
         "hand [m]",
         "hand [rad]",
     )
-    assert [axes.get_ylabel() for axes in analysis.plot().axes[1:3]] == [
+    assert [axes.get_ylabel() for axes in go.plot(analysis).axes[1:3]] == [
         "joints [rad]",
         "hand [mm]",
     ]
@@ -170,7 +173,7 @@ def test_cuts_that_minimize_the_error_of_the_hands_count_both(both: go.Model) ->
 def test_the_upper_body_is_analysed(shared: Path) -> None:
     person = go.human_upper_body(1.83, 70.0)
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
-    analysis = go.analyse(person, go.read_motion(file))
+    analysis = go.analyse(person, motion_in(file))
     assert analysis.not_found == ()
     errors = analysis.errors
     straight = errors["euclidean_same_segments"]

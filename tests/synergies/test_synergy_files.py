@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 import geodesic_ocp as go
 
 
-def test_synergies_are_saved_and_loaded(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
+def test_synergies_are_saved_and_loaded(
+    bundled_analysis: go.synergies.Analysis, tmp_path: Path
+) -> None:
     joint_names, synergies = bundled_analysis.motion.joint_names, bundled_analysis.synergies[:3]
     file = tmp_path / "synergies.json"
     go.synergies.save_synergies(file, synergies, joint_names)
@@ -27,7 +29,7 @@ def test_synergies_are_saved_and_loaded(bundled_analysis: go.Analysis, tmp_path:
         assert (before.start, before.stop, before.length) == (after.start, after.stop, after.length)
 
 
-def test_synergies_are_a_motion_again(bundled_analysis: go.Analysis) -> None:
+def test_synergies_are_a_motion_again(bundled_analysis: go.synergies.Analysis) -> None:
     predicted = bundled_analysis.predicted
     motion = go.synergies.motion_of_synergies(bundled_analysis.synergies, predicted.rate)
     assert motion.joint_names == predicted.joint_names
@@ -38,7 +40,8 @@ def test_synergies_are_a_motion_again(bundled_analysis: go.Analysis) -> None:
         go.synergies.motion_of_synergies([first, last])
 
 
-def test_tables_in_degrees(bundled_analysis: go.Analysis) -> None:
+def test_tables_in_degrees(bundled_analysis: go.synergies.Analysis) -> None:
+    pytest.importorskip("geodesic_ocp.drawing")
     radians = bundled_analysis.table()
     degrees = go.drawing.in_degrees(radians)
     assert list(degrees.columns) == [name.replace("[rad]", "[deg]") for name in radians.columns]
@@ -51,9 +54,10 @@ def peaks_of(figure: Figure) -> list[float]:
 
 
 @pytest.mark.slow
-def test_figures_in_degrees(bundled_analysis: go.Analysis) -> None:
+def test_figures_in_degrees(bundled_analysis: go.synergies.Analysis) -> None:
     """Labels and ticks, and what is written beside a line that leaves the panel."""
-    figure = bundled_analysis.plot()
+    pytest.importorskip("geodesic_ocp.drawing")
+    figure = go.plot(bundled_analysis)
     label, peaks = figure.axes[1].get_ylabel(), peaks_of(figure)
     degrees = go.drawing.in_degrees(figure).axes[1]
     assert degrees.get_ylabel() == label.replace("[rad]", "[deg]")
@@ -66,7 +70,7 @@ def test_figures_in_degrees(bundled_analysis: go.Analysis) -> None:
     assert peaks_of(figure) == pytest.approx(np.degrees(peaks), rel=0.01)
 
 
-def test_another_metric_is_noticed(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
+def test_another_metric_is_noticed(bundled_analysis: go.synergies.Analysis, tmp_path: Path) -> None:
     """Such as the kinetic energy without the joint inertia in which the synergies were found."""
     file = tmp_path / "synergies.json"
     go.synergies.save_synergies(
@@ -76,7 +80,7 @@ def test_another_metric_is_noticed(bundled_analysis: go.Analysis, tmp_path: Path
         go.synergies.load_synergies(file, go.KineticEnergy(bundled_analysis.model))
 
 
-def test_bad_files_are_named(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
+def test_bad_files_are_named(bundled_analysis: go.synergies.Analysis, tmp_path: Path) -> None:
     metric, motion = go.KineticEnergy(bundled_analysis.model), bundled_analysis.motion
     file = tmp_path / "synergies.json"
     with pytest.raises(go.RecordingError, match=r"synergies\.json: there is no such file"):

@@ -22,6 +22,7 @@ from geodesic_ocp.cli.options import (
 )
 from geodesic_ocp.cli.study import study
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
+from geodesic_ocp.drawing.plot import plot
 from geodesic_ocp.drawing.styles import in_degrees
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side, Sides
@@ -150,15 +151,17 @@ def save_analysis(
     """
     comparison = _error_curve(analysis, settings) if with_curve else None
     if folder is not None:
+        uncertainty = analysis.uncertainty() if settings.uncertainty else None
+        figure = plot(analysis, curve=comparison, uncertainty=uncertainty)
         written = analysis.save(
             folder,
-            curve=comparison.draw if comparison else None,
+            figure=in_degrees(figure) if degrees else figure,
             effort=settings.effort,
-            uncertainty=analysis.uncertainty() if settings.uncertainty else None,
+            uncertainty=uncertainty,
             degrees=degrees,
         )
         if comparison is not None:
-            written += comparison.save(folder / "curve")
+            written += comparison.save(folder / "curve", figure=plot(comparison))
         print()
         print_written(written)
 
@@ -340,6 +343,7 @@ def _analyse_many(
                 for warning in outcome.warnings:
                     bar.line(f"  note: {warning}")
 
+        figures = given.pop("figures", False)
         try:
             with _cluster(address) as cluster:
                 result = analyse_recordings(
@@ -349,6 +353,7 @@ def _analyse_many(
                     settings,
                     **given,
                     **cluster,
+                    draw=plot if figures else None,
                     subject_pattern=pattern,
                     fit=with_study,
                     progress=bar,

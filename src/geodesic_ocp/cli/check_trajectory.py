@@ -17,7 +17,7 @@ from geodesic_ocp.cli.options import (
     with_load,
 )
 from geodesic_ocp.cli.terminal import printed_warnings
-from geodesic_ocp.execution import check_trajectory as checks
+from geodesic_ocp.execution.check_trajectory import check_trajectory as check
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.inertias import with_rotor_inertia
@@ -96,7 +96,7 @@ def check_trajectory(
     bodies = [as_obstacle(each) for each in obstacle or ()]
     if bodies and not clearance:
         raise ValueError("--obstacle and --no-clearance exclude each other")
-    result = checks.check_trajectory(
+    result = check(
         trajectory,
         robots,
         found,

@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 from cyclopts import Parameter as Option
 
 from geodesic_ocp.cli.options import FitOptions, Flag, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, progress
-from geodesic_ocp.drawing.styles import new_figure, save_figure
+from geodesic_ocp.drawing.profile_figure import profiles_figure
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.figures import save_figure
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
@@ -274,8 +274,5 @@ def _write(
         for number, curve in enumerate(curves, 1)
     }
     save_tables(folder, {**tables, **profiles})
-    figure = new_figure(6.5 * len(curves), 4.2)
-    for axes, curve in zip(np.ravel(figure.subplots(1, len(curves))), curves, strict=True):
-        curve.draw(axes)
-    save_figure(figure, folder)
+    save_figure(profiles_figure(curves), folder)
     save_metric(folder / "metric.json", fit, intervals)

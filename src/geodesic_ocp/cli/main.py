@@ -23,12 +23,6 @@ _EXIT = """Exit codes: 0 done; 1 a check failed, a retargeting is no success, so
 recordings were left out, or an error in a problem's own code, shown whole; 2 wrong input, named in
 one line; 3 a solver or integration failed; 130 interrupted."""
 _EXTRA = "pip install 'geodesic_ocp["  # in messages about packages that are not installed
-# Earlier spellings of options.
-_EARLIER = {
-    "--likeness": ("--likeness-weight",),
-    "--posture": ("--posture-weight",),
-    "--position-only": ("--orientation-weight", "0"),
-}
 # A command is imported when it is called, so that none waits for the packages of another.
 _COMMANDS = {
     "analyse": ("analyse:analyse", "Cut recordings into geodesic synergies; compare baselines."),
@@ -51,7 +45,7 @@ _COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command, and return the exit code."""
-    tokens = current(sys.argv[1:] if arguments is None else arguments)
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
     with Interrupts.noted():
         try:
             found = new_app()(tokens, exit_on_error=False, print_error=False)
@@ -140,11 +134,6 @@ def _is_about(message: str, key: str) -> bool:
     """Return whether a message names an option or setting, or the first word of its name."""
     words = (key.replace("-", "_"), key.replace("_", "-"), re.split("[-_]", key)[0])
     return any(re.search(rf"\b{re.escape(word)}\b", message) for word in words)
-
-
-def current(tokens: Sequence[str]) -> list[str]:
-    """Return the arguments with options in their present spelling."""
-    return [each for token in tokens for each in _EARLIER.get(token, (token,))]
 
 
 def _failed(reason: object, code: int) -> int:

@@ -28,6 +28,7 @@ from geodesic_ocp.cli.terminal import (
     printed_warnings,
     progress,
 )
+from geodesic_ocp.drawing.plot import plot
 from geodesic_ocp.drawing.viewer import report as write_report
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.anthropometry import Side, Sides
@@ -261,7 +262,7 @@ def _transfer(
     _summarize(result)
     if out is not None:
         print()
-        print_written(result.save(out))
+        print_written(result.save(out, figure=plot(result)))
         if placed := placed or result.arms[0].placement:
             notes = (str(placed),)
             names = [f"_{each.side}" for each in placed.alignments if len(placed.alignments) > 1]

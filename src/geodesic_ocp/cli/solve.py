@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from geodesic_ocp.cli.terminal import check_folder, print_written
+from geodesic_ocp.drawing.plot import plot
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution
@@ -73,7 +74,8 @@ def solve(
         if out is None:
             continue
         out.mkdir(parents=True, exist_ok=True)
-        found.plot().savefig(picture := out / f"{name}.png", dpi=110)
+        picture = out / f"{name}.png"
+        plot(found).savefig(picture, dpi=110)
         if isinstance(found, MotionSolution):
             found.to_trajectory().save(data := out / f"{name}.csv")
         else:

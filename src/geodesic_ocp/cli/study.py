@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from geodesic_ocp.cli.terminal import check_folder, print_written
+from geodesic_ocp.drawing.study_figures import study_figures
 from geodesic_ocp.studies.study import study as study_tables
 from geodesic_ocp.studies.study_result import as_measure
 from geodesic_ocp.tables import text
@@ -37,7 +38,10 @@ def study(
     tested = as_measure(measure)
     found = study_tables(source[0] if len(source) == 1 else source, by=by, metadata=metadata)
     # Files first: the reader of what is printed, such as `head`, may stop early.
-    files = [] if out is None else found.save(out, measure=measure, against=against)
+    files: list[Path] = []
+    if out is not None:
+        figures = study_figures(found, measure, against)
+        files = found.save(out, measure=measure, against=against, figures=figures)
     print(found)
     for note in found.notes:
         print(f"note: {note}")

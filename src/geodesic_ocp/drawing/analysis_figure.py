@@ -1,8 +1,9 @@
-"""A motion over time: the hand and some joints in panels, and the path of the hand."""
+"""The figure of an analysis: the arm at some instants, errors over time, paths of the hands."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
@@ -10,19 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.arm_strip import StripArm, draw_arm_strip
+from geodesic_ocp.drawing.arm_shapes import Postures
+from geodesic_ocp.drawing.arm_strip import StripArm, draw_arm_strip, strip_instants
+from geodesic_ocp.drawing.best_view import across, best_view
 from geodesic_ocp.drawing.camera import Camera
+from geodesic_ocp.drawing.comparison_figure import draw_curves
 from geodesic_ocp.drawing.styles import (
-    BASELINE,
     COMPARED,
     CUT_LINES,
     OBSERVED,
     PALE,
     PREDICTED,
-    line_styles,
     new_figure,
 )
 from geodesic_ocp.model.model import Model, hand_labels
+from geodesic_ocp.studies.compare_metrics import MetricComparison
+from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.synergies.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,9 +37,6 @@ if TYPE_CHECKING:
 
 Names = tuple[str, str]
 NAMES: Names = ("observed", "predicted")
-_TICKS: dict[str, Any] = {"color": "#1b3a5c", "markersize": 9, "clip_on": False}
-_LONG = 12  # letters of an axis label beside a panel
-_STRIP = 1.7  # height of a strip of arms, relative to a panel's
 _SHADE = "#dfe6ee"
 
 
@@ -47,60 +49,6 @@ def shade_segments(axes: Axes, time: Array, segments: Sequence[tuple[int, int]])
     style: dict[str, Any] = {"color": _SHADE, "linewidth": 0, "zorder": 0}
     axes.fill_between(edges, 0.0, height, step="post", transform=where, **style)
     axes.set_xlim(time[0], time[-1])
-
-
-def draw_overview(
-    figure: FigureBase,
-    time: Array,
-    segments: Sequence[tuple[int, int]],
-    hands: tuple[Array, Array],
-    joints: Sequence[tuple[str, Array, Array]],
-    names: Names,
-    other: str,
-    ticks: Array,
-    strips: Sequence[Callable[[Axes], object]],
-) -> None:
-    """Draw hand and joints over time in panels, and the path of the hand beside them.
-
-    Args:
-        time: time of the samples (k,) [s].
-        segments: (start, stop) samples of the segments, whose time spans are shaded.
-        hands: positions (k, 3) [m] of the observed and the predicted hand.
-        joints: label, observed (k,) and predicted (k,) values of each joint.
-        names: labels of the observed and the predicted hand.
-        other: label of the joints drawn beside the predicted ones.
-        ticks: times [s] marked on the upper edge.
-        strips: each draws arms into axes of its own, above the panels.
-    """
-    columns = widest_columns(hands[0], 2)
-    rows = [(f"hand {'xyz'[axis]}\n[m]", hands[0][:, axis], hands[1][:, axis]) for axis in columns]
-    rows += joints
-    above = len(strips)
-    heights = [_STRIP] * above + [1.0] * len(rows)
-    grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.5, 1.0), height_ratios=heights)
-    panels: list[Axes] = []
-    for row, (label, observed, predicted) in enumerate(rows):
-        axes = figure.add_subplot(grid[above + row, 0], sharex=panels[0] if panels else None)
-        shade_segments(axes, time, segments)
-        first, look = (names[0], OBSERVED) if row < len(columns) else (other, BASELINE)
-        axes.plot(time, observed, **look, label=first)
-        axes.plot(time, predicted, **PREDICTED, label=names[1])
-        long = max(map(len, label.splitlines())) > _LONG
-        axes.set_ylabel(label, fontsize="small" if long else None)
-        axes.label_outer()
-        panels.append(axes)
-    top = panels[0].get_xaxis_transform()
-    panels[0].plot(ticks, np.ones(ticks.size), "|", transform=top, **_TICKS)
-    panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels(panels)
-
-    path = figure.add_subplot(grid[above:, 1])
-    draw_hand_path(path, *hands, segments, names)
-    shown = dict(zip(*path.get_legend_handles_labels()[::-1], strict=True))
-    shown |= dict(zip(*panels[-1].get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=len(shown))
-    for row, draw in enumerate(strips):
-        draw(figure.add_subplot(grid[row, :]))
 
 
 def draw_hand_path(
@@ -284,42 +232,59 @@ def _panels(grid: GridSpec, count: int) -> list[SubplotSpec]:
     return [below[row, 0] for row in range(count)] if count > 1 else [grid[1:, 1]]
 
 
-def draw_replay(
-    time: Array,
-    joint_names: Sequence[str],
-    units: Sequence[str],
-    error: Array,
-    hand_errors: tuple[Array, Array],
-    torque_shares: Array,
+def analysis_figure(
+    analysis: Analysis,
+    curve: MetricComparison | Callable[[Axes], object] | None = None,
+    uncertainty: Uncertainty | None = None,
 ) -> Figure:
-    """Return three panels over time (k,) [s].
+    """Draw the arm at some instants, errors over time on the same segments, and the hands' paths.
 
     Args:
-        time: time of the samples.
-        joint_names, units: names and units of the n joints.
-        error: error of positions (k, n) [rad or m].
-        hand_errors: hand errors of position [m] and orientation [rad], (k,) each.
-        torque_shares: torques over their limits (k, n).
+        analysis: the analysis.
+        curve: error against the number of synergies, or a function that draws into axes, in a
+            panel of its own; None leaves it out.
+        uncertainty: tells stable cuts from doubtful ones.
     """
-    figure = new_figure(9.0, 8.0)
-    joints, hand, torques = figure.subplots(3, 1, sharex=True)
-    styles = line_styles(len(joint_names))
-    for name, column, share, style in zip(
-        joint_names, error.T, torque_shares.T, styles, strict=True
-    ):
-        joints.plot(time, 1e3 * column, **style, label=name)
-        torques.plot(time, 100.0 * share, **style)
-    shown = "mrad" if set(units) == {"rad"} else "mm" if set(units) == {"m"} else "mrad or mm"
-    joints.set_ylabel(f"joint error [{shown}]")
-    hand.plot(time, 1e3 * hand_errors[0], **OBSERVED, label="position [mm]")
-    hand.plot(time, 1e3 * hand_errors[1], **PREDICTED, label="orientation [mrad]")
-    hand.set_ylabel("hand error")
-    hand.legend(loc="best", fontsize="small")
-    hand.set_ylim(bottom=0.0)
-    torques.set_ylabel("torque, share of its limit [%]")
-    torques.set_xlabel("time [s]")
-    if np.abs(torque_shares).max() > 0.5:
-        for side in (-100.0, 100.0):
-            torques.axhline(side, **BASELINE)
-    figure.legend(*joints.get_legend_handles_labels(), loc="outside right upper", fontsize="small")
+    if isinstance(curve, MetricComparison):
+        curve = partial(draw_curves, comparison=curve)
+    model = analysis.model
+    motion = analysis.motion
+    labels = hand_labels(model.hands)
+    methods = analysis.on_same_segments()
+    compared = {name: analysis.predictions[method].q for method, name in methods.items()}
+    joints, distances = errors_over_time(model, motion.q, compared)
+    predicted = analysis.predicted.q
+    hands = {
+        label: (model.frame_pose(hand, motion.q)[1], model.frame_pose(hand, predicted)[1])
+        for label, hand in zip(labels, model.hands, strict=True)
+    }
+    several = len(labels) > 1
+    # Both arms stretched out are twice as wide as one.
+    instants = strip_instants(analysis.segments, INSTANTS // 2 + 1 if several else INSTANTS)
+    observed = StripArm(Postures.of(model, motion.q[instants]), "observed", "observed")
+    name = f"predicted, {next(iter(joints))}"
+    planned = StripArm(Postures.of(model, predicted[instants]), "predicted", name, filled=False)
+    view = best_view(observed.postures, np.concatenate([seen for seen, _ in hands.values()]))
+    figure = new_figure(10.0, 12.0 if several else 9.6)
+    draw_analysis(
+        figure,
+        time=motion.time - motion.time[0],
+        segments=analysis.segments,
+        instants=instants,
+        views=(view, across(view, observed.postures)),
+        arms=(observed, planned),
+        hands=hands,
+        joints=joints,
+        distances=distances,
+        curve=curve,
+        stable=None if uncertainty is None else uncertainty.stable,
+    )
+    count = str(len(analysis.segments))
+    if uncertainty is not None:
+        count += " ({} to {})".format(*uncertainty.count_range)
+    figure.suptitle(
+        f"{model.name}: {count} geodesic synergies ({analysis.cuts}),"
+        + ("\n" if several or uncertainty is not None else " ")
+        + analysis.metric_name.replace("^2", "²")
+    )
     return figure

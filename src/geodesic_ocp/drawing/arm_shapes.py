@@ -193,7 +193,7 @@ def draw_obstacle(
 
     >>> from matplotlib.figure import Figure
     >>> axes = Figure().add_subplot()
-    >>> go.drawing.draw_obstacle(axes, go.Ball(centre=(0.0, 0.0, 0.0), radius=0.1), (0, 1))
+    >>> draw_obstacle(axes, go.Ball(centre=(0.0, 0.0, 0.0), radius=0.1), (0, 1))
 
     Args:
         axes: to draw in.

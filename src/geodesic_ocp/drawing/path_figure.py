@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.drawing.analysis_figure import widest_columns
+from geodesic_ocp.drawing.arm_shapes import draw_obstacle
 from geodesic_ocp.drawing.arm_strip import draw_path_arms, moves_in_plane
 from geodesic_ocp.drawing.styles import OBSERVED, PREDICTED, line_styles, new_figure
 from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
+from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
+from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.trajectory.path import Path
 
 if TYPE_CHECKING:
@@ -201,27 +205,43 @@ def _draw_hand(axes: Axes, path: Path, draw_extra: DrawExtra | None) -> None:
         draw_extra(axes, path, (first, second))
 
 
-def draw_motion(
-    times: Array, derivatives: Sequence[Array], torques: Array, names: Sequence[str], title: str
-) -> Figure:
-    """Draw coordinates, velocities and torques over time.
+def draw_obstacles(problem: Problem, axes: Axes, path: Path, columns: tuple[int, int]) -> None:
+    """Draw what a problem adds to the figure of a path: outlines of obstacles, and its own items.
 
     Args:
-        times: (k,) [s].
-        derivatives: coordinates and velocities (k, n).
-        torques: generalised forces (k, n).
-        names: of the coordinates.
-        title: title of the figure.
+        problem: the problem, see `Problem.draw`.
+        axes, path, columns: see `Problem.draw`.
     """
-    figure = new_figure(8.0, 7.0)
-    rows = figure.subplots(3, 1, sharex=True)
-    labels = "q [rad or m]", "velocity [per s]", "torque [N m or N]"
-    for axes, values, label in zip(rows, (*derivatives, torques), labels, strict=True):
-        for column, style in zip(values.T, line_styles(len(names)), strict=True):
-            axes.plot(times, column, **style)
-        axes.set_ylabel(label)
-        axes.grid(alpha=0.3)
-    rows[0].legend(names, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
-    rows[-1].set_xlabel("time [s]")
-    figure.suptitle(title)
-    return figure
+    # Axes of two joints are not those of space.
+    in_joints = getattr(path.metric, "model", None) is not None and path.metric.dim <= 2
+    obstacles = () if in_joints else drawn_obstacles(problem)
+    several = len(obstacles) > 1
+    for number, obstacle in enumerate(obstacles):
+        label = "obstacles" if several else obstacle.name or "obstacle"
+        draw_obstacle(axes, obstacle, columns, label if number == 0 else None)
+    problem.draw(axes, path, columns)
+
+
+def path_figure(path: Path) -> Figure:
+    """Draw coordinates and speed over s, the path of the hand or in the plane, and the arm."""
+    return draw_path(path, f"{type(path).__name__.lower()} of length {path.length:.4g}")
+
+
+def solution_figure(solution: Solution) -> Figure:
+    """Draw coordinates and speed over s, beside the path of the hand or in the plane, and the arm.
+
+    The arm is drawn at some values of s, with the obstacles of the problem; where it comes nearest
+    to one of them, the distance of its collision bodies is given.
+    """
+    problem = solution.problem
+    title = (
+        f"{type(problem).__name__}: energy {solution.stats.energy:.4g}, "
+        f"length {solution.path.length:.4g}"
+    )
+    return draw_path(
+        solution.path,
+        title,
+        partial(draw_obstacles, problem),
+        obstacles=drawn_obstacles(problem),
+        links=getattr(problem, "links", None),
+    )

@@ -66,8 +66,9 @@ def playback_of(*items: Any, title: str = "") -> Playback:
         items: each of them a `Motion`, `JointTrajectory` or `Alignment` followed by its `Model`
             or in a tuple with it; a `Path`, `Geodesic`, `Solution`, `RiemannianSpline` or
             `MotionSolution`, whose `Model` may follow where its metric has none; a tuple or list
-            of `Synergy`, likewise; a `Recording`, `Analysis`, `Retargeting`, `PlannedTrajectory`,
-            `Replay` or `ToPose`; a `MarkerFit`, which the `Markers` may follow; `Markers`; a
+            of `Synergy`, likewise; a `Recording`, `Retargeting`, `PlannedTrajectory`, `Replay`
+            or `ToPose`; an `Analysis`, which its `Uncertainty` may follow;
+            a `MarkerFit`, which the `Markers` may follow; `Markers`; a
             `Model`, which a configuration may follow; a `Playback`; a list of these, or a
             dictionary whose keys are their titles. The model of a motion of a person's arms may be
             left out.
@@ -246,7 +247,8 @@ def _belongs(item: Any, before: Any) -> bool:
     path = getattr(path, "path", path)
     own = getattr(getattr(path, "metric", None), "model", None)
     joints = getattr(item, "joint_names", None)
-    return own is None or bool(own.joint_names == joints)
+    fits = own is None or own.joint_names == joints
+    return not isinstance(item, Model) or bool(fits)
 
 
 def _playback(title: str, group: tuple[Any, ...]) -> Playback:

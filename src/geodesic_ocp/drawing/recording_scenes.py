@@ -44,6 +44,7 @@ from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.synergy import SavedSynergies, Synergy, motion_in_spans
+from geodesic_ocp.synergies.uncertainty import Uncertainty
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 CUTS = "cuts"
@@ -53,13 +54,16 @@ _NAME = "riemannian"  # of the method by which the motion was cut
 _ROLES: tuple[Role, ...] = get_args(Role)[1:]
 
 
-def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
+def analysis_playback(
+    analysis: Analysis, uncertainty: Uncertainty | None = None, *, title: str = ""
+) -> Playback:
     """Return the observed arm, the arm that the synergies predict, and errors over time.
 
     Every other prediction of the analysis is a layer that can be switched on.
 
     Args:
         analysis: analysis of a motion.
+        uncertainty: its uncertainty, by which cuts are marked as stable or doubtful.
         title: title of the playback; the model's name and the number of synergies by default.
     """
     model = analysis.model
@@ -85,11 +89,10 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         role = _role(analysis, name)
         scene = overlaid(scene, model, q, labels[name], role, layer=labels[name])
     spans = synergy_spans(analysis.synergies)
-    spread = analysis.known_uncertainty
     return Playback(
         title or f"{model.name}, {len(analysis.synergies)} geodesic synergies",
         (scene,),
-        {"synergies": spans if spread is None else marked(spans, spread.marks)},
+        {"synergies": spans if uncertainty is None else marked(spans, uncertainty.marks)},
         _plots(analysis, shown, others),
         azimuth=viewed_from(model),
         hidden=(*Playback.hidden, *(labels[name] for name in others)),

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.drawing.styles import COMPARED, OBSERVED, added_style, new_figure
+from geodesic_ocp.drawing.styles import COMPARED, OBSERVED, new_figure
+from geodesic_ocp.figures import added_style
+from geodesic_ocp.studies.study_result import ERRORS_SHOWN, MEASURES, StudyResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -366,3 +368,58 @@ def _height(groups: Sequence[StudyGroup]) -> float:
     methods = len({group.label for group in groups})
     conditions = len({group.condition for group in groups})
     return _FRAME + _ROW * methods * max(1.0, 0.55 * conditions)
+
+
+def study_figure(study: StudyResult) -> Figure:
+    """Draw errors of joints and hand by method, with subjects as points."""
+    means = []
+    for name in study.known(ERRORS_SHOWN):
+        table, points = study.subjects_by_row(name)
+        means.append(Means(MEASURES[name].axis, MEASURES[name].scale, table, points))
+    with paper_style():
+        return errors_figure(means)
+
+
+def study_figures(
+    study: StudyResult, measure: str = "joint", against: str | None = None
+) -> dict[str, Figure]:
+    """Return the figures of a paper, by name.
+
+    >>> recording = go.trajectory.bundled_recording()
+    >>> analysis = go.analyse(recording.model, recording.motion)
+    >>> study = go.study([analysis, analysis], subjects=["A", "B"])
+    >>> list(go.drawing.study_figures(study))
+    ['errors', 'differences', 'synergies', 'durations']
+
+    "errors": means of joints and hand by method with subjects as points; "differences": paired
+    differences from `against`; "synergies": distributions of durations and lengths, and
+    "durations": errors against duration, if there is a table of synergies.
+
+    Args:
+        study: result of `study`.
+        measure, against: measure and reference of the differences, see `StudyResult.tests`.
+
+    Raises:
+        ValueError: as `StudyResult.tests`.
+    """
+    tests, points = study.paired_differences(measure, against)
+    figures = {"errors": study_figure(study)}
+    with paper_style():
+        if len(tests):
+            chosen = MEASURES[measure]
+            references = tests["against"].unique()
+            label = str(references[0]) if len(references) == 1 else "the counterpart"
+            figures["differences"] = differences_figure(
+                tests, points, label, chosen.axis, chosen.scale
+            )
+        if study.synergies is not None and len(study.synergies):
+            rows = study.synergy_rows
+            groups = {
+                name: [own for _, own in under.groupby("subject")]
+                for name, under in rows.groupby("condition")
+            }
+            figures["synergies"] = synergies_figure(groups, study.length_unit)
+            errors = [MEASURES[name] for name in ERRORS_SHOWN[:2]]
+            axes = [(each.axis, each.scale * rows[each.column]) for each in errors]
+            figures["durations"] = durations_figure(rows["duration_s"], axes)
+    return figures

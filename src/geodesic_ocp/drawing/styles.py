@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
+
+from geodesic_ocp.figures import STYLE_LOCK
+from geodesic_ocp.tables import in_degrees as table_in_degrees
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
@@ -79,10 +80,6 @@ def mixed(colour: str, white: float = 0.0) -> tuple[float, float, float]:
     return red, green, blue
 
 
-# Settings are global: two threads that set and restore them by turns would leave one's for good.
-_LOCK = threading.RLock()
-
-
 @contextmanager
 def own_style(settings: dict[Any, Any]) -> Iterator[None]:
     """Draw with matplotlib's defaults and these settings, whatever style the user has chosen.
@@ -91,16 +88,7 @@ def own_style(settings: dict[Any, Any]) -> Iterator[None]:
     """
     import matplotlib.style
 
-    with _LOCK, matplotlib.style.context(["default", settings]):
-        yield
-
-
-@contextmanager
-def added_style(settings: dict[Any, Any]) -> Iterator[None]:
-    """Draw with the user's style and these settings on top, which are taken back at the end."""
-    import matplotlib
-
-    with _LOCK, matplotlib.rc_context(settings):
+    with STYLE_LOCK, matplotlib.style.context(["default", settings]):
         yield
 
 
@@ -127,7 +115,7 @@ def in_degrees(shown: Any) -> Any:
     >>> analysis = go.analyse(recording.model, recording.motion)
     >>> go.drawing.in_degrees(analysis.table()).columns[1]
     'joints [deg]'
-    >>> figure = go.drawing.in_degrees(analysis.plot())
+    >>> figure = go.drawing.in_degrees(go.plot(analysis))
     >>> figure.axes[1].get_ylabel()
     'joints [deg]'
 
@@ -136,11 +124,7 @@ def in_degrees(shown: Any) -> Any:
             axes labelled "... [rad]" or "... [mrad]", whose labels and ticks are changed.
     """
     if hasattr(shown, "columns"):
-        angles = [name for name in shown.columns if str(name).endswith("[rad]")]
-        found = shown.assign(**{name: np.degrees(shown[name].astype(float)) for name in angles})
-        found = found.rename(columns={name: name.replace("[rad]", "[deg]") for name in angles})
-        found.attrs = dict(shown.attrs)
-        return found
+        return table_in_degrees(shown)
     for axes in shown.axes:
         for axis in (axes.xaxis, axes.yaxis):
             for unit, size in (("[rad]", 1.0), ("[mrad]", 1e-3)):
@@ -165,14 +149,3 @@ def _mark_degrees(axis: Axis, size: float) -> None:
 
     axis.set_major_locator(Degrees(nbins=6, steps=[1, 2, 3, 5, 10]))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{np.degrees(size * value):.4g}"))
-
-
-def save_figure(figure: Figure, folder: Path, name: str = "figure", dpi: float = 150.0) -> None:
-    """Write name.png and name.pdf to the folder; the figure's layout is final then.
-
-    Text in the PDF is text, in embedded TrueType fonts, which journals ask for.
-    """
-    figure.savefig(folder / f"{name}.png", dpi=dpi)
-    figure.set_layout_engine("none")  # finding the layout takes as long as drawing
-    with added_style({"pdf.fonttype": 42}):
-        figure.savefig(folder / f"{name}.pdf", dpi=dpi)

@@ -16,6 +16,7 @@ from typing import Any
 
 from geodesic_ocp.drawing.page import document, fragment, page
 from geodesic_ocp.drawing.playback_of import playback_of
+from geodesic_ocp.drawing.retargeting_figure import retargeting_figure
 from geodesic_ocp.drawing.retargeting_scenes import retargeting_playback
 from geodesic_ocp.drawing.scene import Playback, plain_text
 from geodesic_ocp.progress import Progress
@@ -275,5 +276,5 @@ def _sentences(retargeting: Retargeting) -> str:
 def _picture(retargeting: Retargeting) -> str:
     """Return the figure as a data URL."""
     data = io.BytesIO()
-    retargeting.plot().savefig(data, format="png", dpi=110)
+    retargeting_figure(retargeting).savefig(data, format="png", dpi=110)
     return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}"

@@ -140,8 +140,8 @@ def check_trajectory(
     >>> import numpy as np
     >>> arm = go.human_arm("right")
     >>> time, zeros = np.arange(5) / 100, np.zeros((5, 7))
-    >>> still = go.JointTrajectory(time, zeros, zeros, zeros, arm.joint_names)
-    >>> go.check_trajectory(still, arm).passed
+    >>> still = go.trajectory.JointTrajectory(time, zeros, zeros, zeros, arm.joint_names)
+    >>> go.execution.check_trajectory(still, arm).passed
     True
 
     Args:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector, settle
 from geodesic_ocp.model.doubts import NO_LIMIT
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import convert, naming, read_record, read_structured
@@ -82,7 +82,7 @@ class JointLimits(ShortRepr):
         if not self.hand_speed > 0.0:
             raise ValueError(f"hand_speed must be positive, or infinite: {self.hand_speed}")
         if np.ndim(self.torque_rate) == 0:
-            object.__setattr__(self, "torque_rate", np.full(shape, self.torque_rate))
+            settle(self, torque_rate=np.full(shape, self.torque_rate))
         for name in QUANTITIES:
             values = np.array(getattr(self, name), dtype=float)
             if values.ndim != 1 or values.shape != shape:
@@ -90,7 +90,7 @@ class JointLimits(ShortRepr):
             if not np.all(values > 0.0):
                 raise ValueError(f"{name} must be positive, or infinite for no limit: {values}")
             values.flags.writeable = False
-            object.__setattr__(self, name, values)
+            settle(self, **{name: values})
 
     def table(self, model: Model | None = None) -> DataFrame:
         """Return the numbers by joint, named if the model is given, with their sources below."""

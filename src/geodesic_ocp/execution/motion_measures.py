@@ -118,7 +118,7 @@ def motion_measures(
     >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
     >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=400.0)
     >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
-    >>> planned = go.plan_trajectory(paths)
+    >>> planned = go.execution.plan_trajectory(paths)
     >>> trajectory = planned.sampled(100.0)
     >>> targets = arm.hand_pose(trajectory.positions)
     >>> measures = go.execution.motion_measures(arm, trajectory, targets, limits)
@@ -221,7 +221,7 @@ def compare_with_tracking(
     >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
     >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=400.0)
     >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
-    >>> planned = go.plan_trajectory(paths)
+    >>> planned = go.execution.plan_trajectory(paths)
     >>> trajectory = planned.sampled(100.0)
     >>> poses = lambda times: arm.hand_pose(path(times))  # of a recording of 1 s
     >>> list(go.execution.compare_with_tracking(arm, trajectory, trajectory.time, poses, limits))

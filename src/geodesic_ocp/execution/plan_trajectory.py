@@ -296,7 +296,7 @@ def plan_trajectory(
     >>> path = go.geodesic(go.KineticEnergy(arm), q, [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
     >>> limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
     >>> paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [path])
-    >>> planned = go.plan_trajectory(paths)
+    >>> planned = go.execution.plan_trajectory(paths)
     >>> planned.success, round(planned.duration, 6)
     (True, 1.0)
 

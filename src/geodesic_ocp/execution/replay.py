@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
-from geodesic_ocp.drawing.analysis_figure import draw_replay
 from geodesic_ocp.execution.check_trajectory import of_joints
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.simulation import (
@@ -29,7 +28,6 @@ from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 _SATURATED = 1.0 - 1e-9  # of the torque limit
@@ -144,17 +142,6 @@ class Replay:
     def _repr_markdown_(self) -> str:
         return markdown(self.table())
 
-    def plot(self) -> Figure:
-        """Get tracking errors of the joints, errors of the hand and shares of torques over time."""
-        return draw_replay(
-            self.motion.time,
-            self.model.joint_names,
-            self.model.units,
-            self.error,
-            (self.position_error, self.orientation_error),
-            self.torques / self.torque_limits,
-        )
-
 
 def replay(
     trajectory: JointTrajectory,
@@ -183,7 +170,8 @@ def replay(
     >>> bend = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # of the elbow, by 1 rad
     >>> q = bend * (10 * s**3 - 15 * s**4 + 6 * s**5)
     >>> v, a = bend * 30 * s**2 * (1 - s) ** 2, bend * 60 * s * (1 - s) * (1 - 2 * s)
-    >>> result = replay(go.JointTrajectory(time, q, v, a, arm.joint_names), arm, contacts=False)
+    >>> swing = go.trajectory.JointTrajectory(time, q, v, a, arm.joint_names)
+    >>> result = replay(swing, arm, contacts=False)
     >>> bool(result.largest_error.max() < 1e-4)  # [rad]
     True
 

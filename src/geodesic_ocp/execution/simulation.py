@@ -72,7 +72,7 @@ def simulated_robot(
     try:
         mujoco = importlib.import_module("mujoco")
     except ImportError:
-        raise ImportError("replay needs MuJoCo: pip install 'geodesic_ocp[mujoco]'") from None
+        raise ImportError("replay needs MuJoCo: pip install 'geodesic_ocp[robots]'") from None
     written = isinstance(robot, Model)
     if isinstance(robot, Model):
         native = _compiled(mujoco, lambda: mujoco.MjModel.from_xml_string(mjcf_text(robot)))

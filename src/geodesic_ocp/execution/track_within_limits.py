@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
-import daqp
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
@@ -436,7 +435,19 @@ def box_least_squares(
         kinds = np.full(count + last, _SOFT, dtype=np.intc)
         kinds[: count + hard] = 0
         problem = hessian, gradient, rows.matrix[:last], most, least, kinds
-        x, _, flag, _ = daqp.solve(*problem, primal_tol=_ACCURACY)
+        x, _, flag, _ = _daqp().solve(*problem, primal_tol=_ACCURACY)
         if flag in (1, 2):  # 2: with soft conditions violated
             return np.asarray(np.clip(x, lower, upper))
     raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")
+
+
+@cache
+def _daqp() -> Any:
+    """Return the solver of quadratic programs; ImportError without it."""
+    try:
+        import daqp
+    except ImportError:
+        raise ImportError(
+            "tracking within limits needs daqp: pip install 'geodesic_ocp[robots]'"
+        ) from None
+    return daqp

@@ -1,15 +1,14 @@
-from .cost_fit import CostFit as CostFit
 from .cost_fit import bootstrap_cost as bootstrap_cost
 from .cost_fit import fit_cost as fit_cost
 from .error_profile import ErrorProfile as ErrorProfile
 from .error_profile import error_profile as error_profile
+from .fit_metric import fit_metric as fit_metric
 from .metric_fit import ConfidenceInterval as ConfidenceInterval
 from .metric_fit import Estimate as Estimate
 from .metric_fit import MetricFit as MetricFit
 from .metric_fit import load_metric as load_metric
 from .metric_fit import save_metric as save_metric
 from .parameter import Parameter as Parameter
-from .resampling import CrossValidation as CrossValidation
 from .resampling import Heterogeneity as Heterogeneity
 from .resampling import bootstrap_fit as bootstrap_fit
 from .resampling import heterogeneity as heterogeneity

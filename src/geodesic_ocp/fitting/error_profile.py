@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.drawing.styles import OBSERVED, new_figure
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import MetricFit
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 _RANGE = 10.0
@@ -58,29 +55,6 @@ class ErrorProfile(ShortRepr):
         rows = zip(self.values.tolist(), self.mean.tolist(), self.errors.tolist(), strict=True)
         return new_table(header, tuple((value, mean, *each) for value, mean, each in rows))
 
-    def draw(self, axes: Axes) -> None:
-        """Draw the curves of the recordings and of their mean."""
-        label = self.recordings[0]
-        if len(self.recordings) > 1:
-            single, *_ = axes.plot(self.values, self.errors, color="0.65", linewidth=1.0)
-            single.set_label("single recordings")
-            label = "all"
-        axes.plot(self.values, self.mean, **OBSERVED, marker="o", markersize=4, label=label)
-        label = f"estimate {self.estimate:.3g}"
-        axes.axvline(self.estimate, color="0.2", linestyle=":", linewidth=1.3, label=label)
-        axes.set_xscale("log")
-        units = {"m r^2": " [$m r^2$]", "kg m^2": " [kg m$^2$]", "": ""}
-        name = self.name.replace("joint_inertia", "joint inertia")
-        axes.set_xlabel(name + units.get(self.unit, f" [{self.unit}]"))
-        axes.set_ylabel(f"rms error [{self.error_unit}]")
-        axes.legend()
-
-    def plot(self) -> Figure:
-        """Return the curves in a new figure."""
-        figure = new_figure(6.5, 4.2)
-        self.draw(figure.add_subplot())
-        return figure
-
 
 @shows_progress
 def error_profile(
@@ -93,7 +67,7 @@ def error_profile(
     """Return least error of a fit as a function of one parameter, with all others estimated anew.
 
     >>> recording = go.trajectory.bundled_recording()
-    >>> fit = go.fit_metric(recording)
+    >>> fit = go.fitting.fit_metric(recording)
     >>> profile = go.fitting.error_profile(fit, values=[0.001, 0.05, 1.0])
     >>> profile.errors.ravel().round(3).tolist()
     [0.026, 0.021, 0.021]

@@ -63,7 +63,7 @@ def fit_metric(
     >>> path, u = go.geodesic(metric, q0, q1), np.linspace(0.0, 1.0, 51)  # 1 s at 50 Hz
     >>> s, rate = 3 * u**2 - 2 * u**3, 6 * u - 6 * u**2
     >>> motion = go.Motion(u, path(s), arm.joint_names, rate[:, None] * path(s, 1))
-    >>> fit = go.fit_metric(go.trajectory.Recording(arm, motion), segments=[[(0, 50)]])
+    >>> fit = go.fitting.fit_metric(go.trajectory.Recording(arm, motion), segments=[[(0, 50)]])
     >>> round(fit.values["joint_inertia"], 4)
     0.05
 

@@ -173,7 +173,7 @@ def save_metric(
     >>> import tempfile
     >>> from pathlib import Path
     >>> recording = go.trajectory.bundled_recording()
-    >>> fit = go.fit_metric(recording)
+    >>> fit = go.fitting.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
     ...     "joint_inertia" in Path(f"{folder}/metric.json").read_text()
@@ -260,7 +260,7 @@ def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEne
 
     >>> import tempfile
     >>> recording = go.trajectory.bundled_recording()
-    >>> fit = go.fit_metric(recording)
+    >>> fit = go.fitting.fit_metric(recording)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     go.fitting.save_metric(f"{folder}/metric.json", fit)
     ...     metric = go.fitting.load_metric(f"{folder}/metric.json", recording.model)

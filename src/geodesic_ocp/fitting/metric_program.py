@@ -67,6 +67,22 @@ class LeastErrors(ShortRepr):
         return LeastErrors(self.values, self.gradients[:, chosen], hessians)
 
 
+class _Listener:
+    """Callback of solvers that are built once, which remembers whom to tell of iterations."""
+
+    def __init__(self) -> None:
+        self._report: Callable[[int], object] | None = None
+
+    def listen(self, report: Callable[[int], object] | None) -> None:
+        """Tell this function from now on; None: nobody."""
+        self._report = report
+
+    def __call__(self, number: int, values: object) -> None:
+        del values
+        if self._report is not None:
+            self._report(number)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class MetricProgram(ShortRepr):
     """The nonlinear program of a fit, for any weights of the segments."""
@@ -145,19 +161,13 @@ class MetricProgram(ShortRepr):
         return self._of_recordings(2.0 * self._errors(z).full()[:, 0])
 
     @cached_property
-    def _listeners(self) -> list[Callable[[int], object]]:
-        """What is called with the number of every iteration."""
-        return []
+    def _listener(self) -> _Listener:
+        return _Listener()
 
     def _solver(self, options: dict[str, Any]) -> Ipopt:
-        def tell(number: int, values: object) -> None:
-            del values
-            for each in self._listeners:
-                each(number)
-
         program = self.program
         size_p = sum(self.counts)
-        return program.solver(options, Relay(program.size, program.size_g, size_p, tell))
+        return program.solver(options, Relay(program.size, program.size_g, size_p, self._listener))
 
     @cached_property
     def _cold_solver(self) -> Ipopt:
@@ -210,7 +220,7 @@ class MetricProgram(ShortRepr):
             report: called with the number of every iteration.
         """
         weights = np.ones(sum(self.counts)) if weights is None else weights
-        self._listeners[:] = [] if report is None else [report]
+        self._listener.listen(report)
         lower, upper = (bound.copy() for bound in self.bounds)
         start = (self.guess if near is None else near.x).copy()
         for index, value in (fixed or {}).items():

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_ocp.arrays import as_number
+from geodesic_ocp.arrays import as_number, settle
 from geodesic_ocp.manifold.metric import Metric
 
 _VALUES = (int, float, np.number, tuple, list, np.ndarray)
@@ -51,9 +51,9 @@ class Parameter:
                 f"start of {self.field} must be positive and between its bounds {self.lower:g} and "
                 f"{self.upper:g}, got {start:g}"
             )
-        object.__setattr__(self, "joints", tuple(self.joints))
+        settle(self, joints=tuple(self.joints))
         default = " ".join((self.field, *self.joints))
-        object.__setattr__(self, "name", self.name or default)
+        settle(self, name=self.name or default)
 
 
 JOINT_INERTIA = Parameter("joint_inertia", 0.03, lower=1e-5, upper=100.0)

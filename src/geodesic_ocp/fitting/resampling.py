@@ -44,7 +44,7 @@ def separate_fits(
     >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
     >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
-    >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
+    >>> fit = go.fitting.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
     >>> separate = go.fitting.separate_fits(fit)
     >>> [round(each.values["joint_inertia"], 2) for each in separate.values()]
     [0.03, 0.07]
@@ -98,7 +98,7 @@ def heterogeneity(fits: Mapping[str, MetricFit]) -> tuple[Heterogeneity, ...]:
     >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
     >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
-    >>> fit = go.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
+    >>> fit = go.fitting.fit_metric(recordings[:2], segments=[[(0, 79)]] * 2)
     >>> (found,) = go.fitting.heterogeneity(go.fitting.separate_fits(fit))
     >>> found.count, round(found.q, 1), round(found.p, 2)
     (2, 2.1, 0.14)
@@ -226,7 +226,7 @@ def leave_one_out(
     >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
     >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
-    >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
+    >>> fit = go.fitting.fit_metric(recordings, segments=[[(0, 79)]] * 3)
     >>> validation = go.fitting.leave_one_out(fit)
     >>> [round(each.errors.joint, 3) for each in validation.left_out]
     [0.013, 0.046, 0.063]
@@ -293,7 +293,7 @@ def bootstrap_fit(
     >>> whole = go.trajectory.bundled_recording()
     >>> parts = [whole.motion.part(k, k + 79) for k in (270, 350, 430)]
     >>> recordings = [go.trajectory.Recording(whole.model, part) for part in parts]
-    >>> fit = go.fit_metric(recordings, segments=[[(0, 79)]] * 3)
+    >>> fit = go.fitting.fit_metric(recordings, segments=[[(0, 79)]] * 3)
     >>> (interval,) = go.fitting.bootstrap_fit(fit, 20)
     >>> interval.name, interval.count, round(interval.high, 3)
     ('joint_inertia', 3, 0.064)

@@ -6,13 +6,11 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
-from geodesic_ocp.drawing.path_figure import draw_path
+from geodesic_ocp.arrays import Array, as_vector, settle
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.logarithm.log import find_geodesics, find_shortest
@@ -21,9 +19,6 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.certificate import Certificate, certify
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _RESOLVED = 1e-6  # accuracy of the velocity of a path, relative to the largest
 
@@ -42,7 +37,7 @@ class Geodesic(Path):
         super().__post_init__()
         velocity = as_vector("velocity", self.velocity, self.metric.dim)
         velocity.flags.writeable = False
-        object.__setattr__(self, "velocity", velocity)
+        settle(self, velocity=velocity)
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -60,10 +55,6 @@ class Geodesic(Path):
         lines = [f"Geodesic(length {length:.6g}, from {start}", f"to {end}"]
         lines += [] if certificate is None else [str(certificate)]
         return ",\n  ".join(lines) + ")"
-
-    def plot(self) -> Figure:
-        """Get coordinates and speed over s, the path of the hand or in the plane, and the arm."""
-        return draw_path(self, f"geodesic of length {self.length:.4g}")
 
 
 def geodesic(

@@ -85,7 +85,7 @@ def geodesic_to_pose(
     else restricts the path: for joint limits see `Reach`.
 
     >>> arm, start = go.human_arm(), [0.4, 0.1, -0.6, 1.2, 0.2, 0.0, 0.1]
-    >>> result = go.geodesic_to_pose(arm, start, position=[0.2, 0.35, -0.1])
+    >>> result = go.logarithm.geodesic_to_pose(arm, start, position=[0.2, 0.35, -0.1])
     >>> result.success
     True
     >>> arm.hand_pose(result.path(1.0))[1].round(4)

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_not_negative, as_positive
+from geodesic_ocp.arrays import Array, as_not_negative, as_positive, settle
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.model.inertias import inertia_scale, scale_inertias
 from geodesic_ocp.model.model import Model
@@ -223,13 +223,13 @@ class AdjustableKineticEnergy(ModelMetric):
     def __post_init__(self) -> None:
         n = self.model.dof
         if self.armature is None:
-            object.__setattr__(self, "armature", tuple(np.array(self.model.pin.armature).tolist()))
+            settle(self, armature=tuple(np.array(self.model.pin.armature).tolist()))
         for name in _PER_JOINT:
             given = getattr(self, name)
             entries = tuple(given) if isinstance(given, (tuple, list, np.ndarray)) else (given,) * n
             if len(entries) != n:
                 raise ValueError(f"{name} must have {n} entries, one a joint, got {len(entries)}")
-            object.__setattr__(self, name, entries)
+            settle(self, **{name: entries})
             for joint, entry in zip(self.model.joint_names, entries, strict=True):
                 if not isinstance(entry, ca.SX):
                     as_not_negative(f"{name} of {joint}", entry)

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate
+from geodesic_ocp.arrays import Array, as_vector, evaluate, settle
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.model.model import Model
 
@@ -108,7 +108,7 @@ class RegionAvoiding(Metric):
     exp(length / (margin_i sqrt(w_i))) cannot be computed, for example for a light wrist.
 
     >>> plain = go.KineticEnergy(go.human_arm())
-    >>> metric = go.RegionAvoiding(plain, margin=0.1)  # within the joint limits
+    >>> metric = go.manifold.RegionAvoiding(plain, margin=0.1)  # within the joint limits
     >>> q, v = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0]
     >>> wrist = metric.joint_names.index("RWx_joint")  # upper limit 0.349 rad
     >>> float(go.exp(plain, q, v)[wrist].round(2)), float(go.exp(metric, q, v)[wrist].round(2))
@@ -146,10 +146,10 @@ class RegionAvoiding(Metric):
         )
         if not np.all(given > 0.0):
             raise ValueError(f"margin must be positive, got {self.margin}")
-        object.__setattr__(self, "margin", tuple(given.tolist()) if several else float(given[0]))
+        settle(self, margin=tuple(given.tolist()) if several else float(given[0]))
         if self.configuration is not None:
             configuration = tuple(as_vector("configuration", self.configuration, self.dim).tolist())
-            object.__setattr__(self, "configuration", configuration)
+            settle(self, configuration=configuration)
         _ = self._barrier  # evaluates the functions, so that their errors are raised here
 
     def __repr__(self) -> str:

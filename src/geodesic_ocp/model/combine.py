@@ -28,7 +28,7 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     `Model.with_hand` selects another.
 
     >>> arms = go.human_arm("left"), go.human_arm("right")
-    >>> both = go.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
+    >>> both = go.model.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
     >>> both.dof, both.hands
     (14, ('human left arm/hand', 'human right arm/hand'))
 

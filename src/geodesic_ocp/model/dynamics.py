@@ -191,7 +191,7 @@ def choose_backend(name: str | None = None) -> str:
     return name
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SymbolicFunctions:
     """Algorithms of a back end for one model, each built when it is first called."""
 

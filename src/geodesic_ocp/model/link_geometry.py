@@ -30,7 +30,7 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     coordinate axes and the principal axes of the points.
 
     >>> rod = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.3], [0.01, 0.0, 0.15], [-0.01, 0.0, 0.15]]
-    >>> go.model.enclosing_capsule(rod).radius < 0.011
+    >>> enclosing_capsule(rod).radius < 0.011
     True
 
     Args:

@@ -12,7 +12,15 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, as_positive, as_vector, is_symbolic, real_array
+from geodesic_ocp.arrays import (
+    Array,
+    as_number,
+    as_positive,
+    as_vector,
+    is_symbolic,
+    real_array,
+    settle,
+)
 from geodesic_ocp.model.doubts import doubts_of
 from geodesic_ocp.model.dynamics import SymbolicFunctions, choose_backend
 from geodesic_ocp.model.joints import (
@@ -61,7 +69,7 @@ class Model:
     _hand_id: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hands", _as_hands(self.pin, self.hand, self.hands))
+        settle(self, hands=_as_hands(self.pin, self.hand, self.hands))
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
         joints = list(map(str, self.pin.names))[1:]
@@ -73,10 +81,10 @@ class Model:
             raise ValueError(f"continuous: {name!r} is not a joint of the model")
         periodic = {*self.continuous, *continuous_joints(self.pin)}
         continuous = tuple(name for name in joints if name in periodic)
-        object.__setattr__(self, "pin", with_joint_frames(with_angles(self.pin)))
-        object.__setattr__(self, "backend", choose_backend(self.backend))
-        object.__setattr__(self, "_hand_id", frame_index(self.pin, self.hand))
-        object.__setattr__(self, "continuous", continuous)
+        settle(self, pin=with_joint_frames(with_angles(self.pin)))
+        settle(self, backend=choose_backend(self.backend))
+        settle(self, _hand_id=frame_index(self.pin, self.hand))
+        settle(self, continuous=continuous)
 
     def __repr__(self) -> str:
         what = f"{self.name!r}, dof={self.dof}, hand={self.hand!r}, backend={self.backend!r}"

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, is_symbolic
+from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, is_symbolic, settle
 
 Point: TypeAlias = tuple[float, float, float]
 
@@ -39,7 +39,7 @@ class Capsule:
 
     def __post_init__(self) -> None:
         for key in ("start", "end"):
-            object.__setattr__(self, key, _point(key, getattr(self, key)))
+            settle(self, **{key: _point(key, getattr(self, key))})
         _check_radius(self)
 
 
@@ -61,7 +61,7 @@ class Ball:
     name: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", _point("centre", self.centre))
+        settle(self, centre=_point("centre", self.centre))
         _check_radius(self)
 
 
@@ -89,11 +89,11 @@ class Box:
 
     def __post_init__(self) -> None:
         for key in ("centre", "size"):
-            object.__setattr__(self, key, _point(key, getattr(self, key)))
+            settle(self, **{key: _point(key, getattr(self, key))})
         if not is_symbolic(self.size) and not min(self.size) > 0.0:
             raise ValueError(f"size must be positive [m], got {self.size}")
         rows = as_rotation("rotation", self.rotation).tolist()
-        object.__setattr__(self, "rotation", tuple(map(tuple, rows)))
+        settle(self, rotation=tuple(map(tuple, rows)))
 
 
 @dataclass(frozen=True)
@@ -114,13 +114,13 @@ class HalfSpace:
     name: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", _point("point", self.point))
+        settle(self, point=_point("point", self.point))
         if isinstance(self.normal, ca.SX):
             raise ValueError("normal must be numbers; only the plane's point may be a parameter")
         normal = as_vector("normal", self.normal, 3)
         if not np.linalg.norm(normal) > 0.0:
             raise ValueError("normal must not be zero")
-        object.__setattr__(self, "normal", _point("normal", normal / np.linalg.norm(normal)))
+        settle(self, normal=_point("normal", normal / np.linalg.norm(normal)))
 
 
 Body: TypeAlias = Capsule | Ball
@@ -131,7 +131,7 @@ Bodies: TypeAlias = tuple[Body, ...] | Callable[[], tuple[Body, ...]]
 
 def _check_radius(body: Body) -> None:
     if not is_symbolic(body.radius):
-        object.__setattr__(body, "radius", as_positive("radius", body.radius, "m"))
+        settle(body, radius=as_positive("radius", body.radius, "m"))
 
 
 def _point(name: str, value: Any) -> Point:

@@ -316,7 +316,7 @@ def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
 
     >>> import geodesic_ocp as go
     >>> path = go.geodesic(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
-    >>> go.certify(path).locally_shortest
+    >>> go.ocp.certify(path).locally_shortest
     True
 
     Args:

@@ -13,7 +13,7 @@ scales of the constraints (`scales`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -268,6 +268,19 @@ class _EndSteps:
         return errors, *pose_steps(q, errors, jacobians, self._limits)
 
 
+class Attempts:
+    """Record of the guesses that one search has tried.
+
+    Attributes:
+        names: what was tried, in words.
+        paths: paths (25, n) of guesses; others like these are not tried.
+    """
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.paths: list[Array] = []
+
+
 @dataclass(frozen=True, eq=False)
 class Guesses:
     """Guesses for a problem: its own, detours, and paths of a planner.
@@ -275,12 +288,10 @@ class Guesses:
     Attributes:
         definition: definition of the problem, without via points.
         grid: on which the problem's own guess is evaluated.
-        tried: what was tried, in words; it grows as `paths` yields.
     """
 
     definition: ProblemDefinition
     grid: Grid
-    tried: list[str] = field(default_factory=list)
 
     @cached_property
     def _space(self) -> FreeSpace:
@@ -304,33 +315,29 @@ class Guesses:
     def _through(self, waypoints: Array) -> Path:
         return Path.through(self.definition.metric, self.definition.size * waypoints)
 
-    @cached_property
-    def _seen(self) -> list[Array]:
-        return []
-
-    def simple(self, several: bool) -> Iterator[tuple[str, Path | None]]:
+    def simple(self, several: bool, attempts: Attempts) -> Iterator[tuple[str, Path | None]]:
         """Yield the problem's own guess, None, and where there are path constraints in q, or
         `several` are wanted, detours, which come first if the own guess is not clear; with names.
         """
         if not (several or self.definition.conditions.along_q):
-            yield self._as_own()
-            yield from self._given(self.second)
+            yield _as_own(attempts)
+            yield from self._given(self.second, attempts)
             return
         space = self._space
         own = self._own
         if is_clear := space.is_clear(own[None])[0]:
-            self._seen.append(own)
-            yield self._as_own()
-            yield from self._given(self.second)
+            attempts.paths.append(own)
+            yield _as_own(attempts)
+            yield from self._given(self.second, attempts)
         box = _box(space, own)
         detours = _clear_detours(space, np.concatenate([own[None], _beside(own, box)]), own)
-        detours = [q for q in detours if _is_new(q, self._seen)][:_DETOURS]
+        detours = [q for q in detours if _is_new(q, attempts.paths)][:_DETOURS]
         for number, q in enumerate(detours):
-            self.tried.append(f"detour {number + 1}")
-            yield self.tried[-1], self._through(q)
+            attempts.names.append(f"detour {number + 1}")
+            yield attempts.names[-1], self._through(q)
         # Among many bodies a guess through them comes last, as it takes long to solve.
         if not is_clear and (detours or several or not self.definition.conditions.are_many):
-            yield self._as_own()
+            yield _as_own(attempts)
 
     @cached_property
     def _others(self) -> list[tuple[str, Path]]:
@@ -361,20 +368,22 @@ class Guesses:
             if path.discrete_energy < _LITTLE_MORE * self._path.discrete_energy
         ]
 
-    def _given(self, those: list[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
+    def _given(
+        self, those: list[tuple[str, Path]], attempts: Attempts
+    ) -> Iterator[tuple[str, Path]]:
         """Yield those of the problem's other guesses that have not been tried."""
         for name, path in those:
-            if name not in self.tried:
-                self.tried.append(name)
-                self._seen.append(self._sampled(path))
+            if name not in attempts.names:
+                attempts.names.append(name)
+                attempts.paths.append(self._sampled(path))
                 yield name, path
 
-    def last(self) -> Iterator[tuple[str, Path | None]]:
+    def last(self, attempts: Attempts) -> Iterator[tuple[str, Path | None]]:
         """Yield the problem's own guess if it was left out, as neither it nor a detour is clear
         and there are many conditions.
         """
-        if self.tried and _OWN not in self.tried:
-            yield self._as_own()
+        if attempts.names and _OWN not in attempts.names:
+            yield _as_own(attempts)
 
     def deform(self, one: Path, other: Path) -> bool:
         """Return whether straight lines between points of two paths are clear of all constraints
@@ -385,25 +394,21 @@ class Guesses:
         last = self._sampled(other)
         return bool(np.all(self._space.is_clear(first + shares * (last - first))))
 
-    def _as_own(self) -> tuple[str, None]:
-        self.tried.append(_OWN)
-        return "", None
-
-    def further(self, several: bool) -> Iterator[tuple[str, Path | None]]:
+    def further(self, several: bool, attempts: Attempts) -> Iterator[tuple[str, Path | None]]:
         """Yield the problem's other guesses, and paths of the planner, after detours from random
         configurations if `several` are wanted.
         """
-        yield from self._given(self._others)
+        yield from self._given(self._others, attempts)
         space = self._space
         own = self._own
-        seen = self._seen
+        seen = attempts.paths
         if not (several or self.definition.conditions.along_q):
             return
         box = _box(space, own)
         rng = np.random.default_rng(0)
         starts, goals = (space.ends(at_end, rng, box) for at_end in (False, True))
         if not len(starts) or not len(goals):
-            self.tried.append("no end of a path was found that meets the constraints")
+            attempts.names.append("no end of a path was found that meets the constraints")
             return
         box = _box(space, np.vstack([own, starts, goals]))
         if several:
@@ -412,14 +417,14 @@ class Guesses:
             bends = np.array([_bent(starts[0], *each) for each in zip(middles, ends, strict=True)])
             for number, q in enumerate(_clear_detours(space, bends, own)):
                 if _is_new(q, seen):
-                    self.tried.append(f"random detour {number + 1}")
-                    yield self.tried[-1], self._through(q)
+                    attempts.names.append(f"random detour {number + 1}")
+                    yield attempts.names[-1], self._through(q)
         stale = 0
         samples = _SAMPLES * (_AMONG_MANY if self.definition.conditions.are_many else 1)
         for number in range(_PLANS):
             waypoints = connect(space, starts, goals, box, rng, samples)
             if waypoints is None:
-                self.tried.append(f"a sampling planner that found no path in {samples} samples")
+                attempts.names.append(f"a sampling planner that found no path in {samples} samples")
                 return
             waypoints = shortcut(space, waypoints, rng)
             if np.isfinite(_energy(self.definition, waypoints)):
@@ -427,11 +432,18 @@ class Guesses:
                 stale += 1
                 if _is_new(self._sampled(path), seen):
                     stale = 0
-                    self.tried.append(f"planner {number + 1}")
-                    yield self.tried[-1], path
+                    attempts.names.append(f"planner {number + 1}")
+                    yield attempts.names[-1], path
             if stale == _STALE:
-                self.tried.append(f"a sampling planner whose last {stale} paths were like others")
+                attempts.names.append(
+                    f"a sampling planner whose last {stale} paths were like others"
+                )
                 return
+
+
+def _as_own(attempts: Attempts) -> tuple[str, None]:
+    attempts.names.append(_OWN)
+    return "", None
 
 
 def _box(space: FreeSpace, own: Array) -> tuple[Array, Array]:

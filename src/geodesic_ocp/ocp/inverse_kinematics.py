@@ -66,7 +66,7 @@ def inverse_kinematics(
     Example:
         >>> import geodesic_ocp as go
         >>> arm = go.human_arm()
-        >>> q = go.inverse_kinematics(arm, [0.3, 0, -0.4, 0.9, 0, 0, 0], [0.10, 0.45, -0.05])
+        >>> q = go.ocp.inverse_kinematics(arm, [0.3, 0, -0.4, 0.9, 0, 0, 0], [0.10, 0.45, -0.05])
         >>> arm.hand_pose(q)[1].round(6).tolist()
         [0.1, 0.45, -0.05]
     """

@@ -71,7 +71,7 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
     >>> problem = go.PointToPoint(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = go.solve(problem).save(Path(folder) / "solution.json")
-    ...     round(go.load_solution(file, problem).path.length, 6)
+    ...     round(go.ocp.load_solution(file, problem).path.length, 6)
     5.0
 
     Args:

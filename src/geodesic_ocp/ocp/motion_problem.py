@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,7 +26,6 @@ from geodesic_ocp.arrays import (
     real_array,
 )
 from geodesic_ocp.blocks import Block, BlockProgram, Terms, in_rounds
-from geodesic_ocp.drawing.path_figure import draw_motion
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.motion_kernels import SegmentBasis
@@ -43,9 +42,6 @@ from geodesic_ocp.ocp.motion_program import (
 from geodesic_ocp.ocp.problem import NUMBERS, Equality, Inequality, check_symbols, listed, numbered
 from geodesic_ocp.ocp.scales import scales_of, size_of, with_beside
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _BASIS = SegmentBasis(4, 9)
 _SEGMENTS = 4  # of the first program, at least
@@ -179,13 +175,6 @@ class MotionSolution(TimedMotion, ShortRepr):
             ends = np.stack([q[k], T * v[k], q[k + 1], T * v[k + 1]])
             result[rows] = values.T @ np.vstack([ends, self.coefficients[k]])
         return result
-
-    def plot(self) -> Figure:
-        """Draw coordinates, velocities and torques over time."""
-        t = np.linspace(0.0, self.duration, 201)
-        title = f"{type(self.problem).__name__}: cost {self.cost:.4g}"
-        names = self.metric.coordinate_names
-        return draw_motion(t, (self(t), self(t, 1)), self.torques(t), names, title)
 
     def torques(self, t: ArrayLike) -> Array:
         """Return the problem's torques at t, (n,) for a number, or (k, n) [N m or N]."""

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, is_symbolic, real_array
+from geodesic_ocp.arrays import Array, is_symbolic, real_array, settle
 from geodesic_ocp.blocks import Instance
-from geodesic_ocp.drawing.arm_shapes import draw_obstacle
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.conditions import Condition, Conditions
@@ -240,7 +239,7 @@ def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
             raise ValueError(f"parameter {name!r} must be a field with finite numbers")
         shape = value.shape if value.ndim == 2 else (value.size, 1)
         symbol = ca.SX.sym(name, *shape)
-        object.__setattr__(symbolic, name, symbol)
+        settle(symbolic, **{name: symbol})
         symbols.append(ca.vec(symbol))
         numbers.append(value.ravel(order="F"))
     return symbolic, _Parameters(ca.vertcat(*symbols), np.concatenate(numbers))
@@ -366,20 +365,14 @@ class Problem(ABC):
         return None
 
     def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:
-        """Draw additional items into a figure of the path: the outlines of obstacles by default.
+        """Draw items of the problem into a figure of a path; obstacles are drawn without it.
 
         Args:
             axes: axes of the path in the plane of two coordinates, or of the hand's path.
             path: the path in the figure, not necessarily a solution.
             columns: indices of the two coordinates, or of the hand's x, y and z, on the axes.
         """
-        if getattr(path.metric, "model", None) is not None and path.metric.dim <= 2:
-            return  # the axes are those of two joints, not of space
-        obstacles = drawn_obstacles(self)
-        several = len(obstacles) > 1
-        for number, obstacle in enumerate(obstacles):
-            label = "obstacles" if several else obstacle.name or "obstacle"
-            draw_obstacle(axes, obstacle, columns, label if number == 0 else None)
+        del axes, path, columns
 
     @property
     def grid(self) -> Grid:

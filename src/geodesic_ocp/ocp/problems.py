@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_rotation, as_vector, settle
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.metrics import metric_of
@@ -59,15 +59,15 @@ class ConstrainedProblem(Problem):
         Raises:
             ValueError: wrong shapes or values, links without bodies, or a metric without a model.
         """
-        object.__setattr__(self, "speed", _as_speed(self.speed, self.metric.dim))
+        settle(self, speed=_as_speed(self.speed, self.metric.dim))
         for keyword in ("obstacles", "links", "pairs"):
             given = getattr(self, keyword)
             if given is not None and not isinstance(given, (list, tuple)):
                 raise ValueError(f"{keyword} must be a list, got {given!r}")
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
-        object.__setattr__(self, "pairs", tuple(map(as_pair, self.pairs)))
+        settle(self, obstacles=tuple(self.obstacles))
+        settle(self, pairs=tuple(map(as_pair, self.pairs)))
         if self.links is not None:
-            object.__setattr__(self, "links", tuple(self.links))
+            settle(self, links=tuple(self.links))
         for keyword, what in _NEEDS_MODEL.items():
             if getattr(self, keyword) and self._model is None:
                 kind = type(self.metric).__name__
@@ -153,7 +153,7 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
         metric = as_metric(self.metric)
         for name in ("q0", "q1"):
             vector = metric.point(name, getattr(self, name))
-            object.__setattr__(self, name, tuple(vector.tolist()))
+            settle(self, **{name: tuple(vector.tolist())})
         self.check_path_constraints()
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
@@ -217,18 +217,18 @@ class Reach(ShortRepr, ConstrainedProblem):
 
     def __post_init__(self) -> None:
         dof = as_model(self.model).dof
-        object.__setattr__(self, "start", as_vector("start", self.start, dof))
+        settle(self, start=as_vector("start", self.start, dof))
         if self.position is None and self.rotation is None:
             raise ValueError("Reach needs a position, a rotation or both")
         if self.position is not None:
-            object.__setattr__(self, "position", as_vector("position", self.position, 3))
+            settle(self, position=as_vector("position", self.position, 3))
         if self.rotation is not None:
-            object.__setattr__(self, "rotation", as_rotation("rotation", self.rotation))
-        object.__setattr__(self, "free", as_directions("free", self.free))
+            settle(self, rotation=as_rotation("rotation", self.rotation))
+        settle(self, free=as_directions("free", self.free))
         if len(np.asarray(self.free)) and self.position is None:
             raise ValueError("free: directions are those of a position, and there is none")
         points = [as_vector(f"through[{k}]", each, 3) for k, each in enumerate(_rows(self.through))]
-        object.__setattr__(self, "through", np.array(points).reshape(-1, 3))
+        settle(self, through=np.array(points).reshape(-1, 3))
         self.check_path_constraints()
 
     @property

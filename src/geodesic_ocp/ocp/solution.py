@@ -7,13 +7,12 @@ from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.drawing.path_figure import draw_path
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.manifold.metric import Metric
@@ -22,7 +21,7 @@ from geodesic_ocp.model.primitives import Ball, Box, Capsule, HalfSpace
 from geodesic_ocp.ocp.certificate import Certificate, FinalIterate, certify_iterate
 from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.nlp import NLP
-from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
+from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
 from geodesic_ocp.records import as_json, write_record
@@ -30,9 +29,6 @@ from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw, motion_along
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -188,7 +184,7 @@ def decoded(value: Any) -> Any:
 
 
 FORMAT = "geodesic_ocp solution"
-VERSION = 3
+VERSION = 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -347,25 +343,6 @@ class Solution:
                     f"of the problem; in {excess * motion.duration:.4g} s it keeps that limit"
                 )
         return motion
-
-    def plot(self) -> Figure:
-        """Return coordinates and speed over s, beside the path of the hand or in the plane, and the
-        arm.
-
-        The arm is drawn at some values of s, with the obstacles of the problem; where it comes
-        nearest to one of them, the distance of its collision bodies is given.
-        """
-        title = (
-            f"{type(self.problem).__name__}: energy {self.stats.energy:.4g}, "
-            f"length {self.path.length:.4g}"
-        )
-        return draw_path(
-            self.path,
-            title,
-            self.problem.draw,
-            obstacles=drawn_obstacles(self.problem),
-            links=getattr(self.problem, "links", None),
-        )
 
 
 @dataclass(frozen=True, eq=False)

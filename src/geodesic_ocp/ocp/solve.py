@@ -14,7 +14,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.callback import Callback
 from geodesic_ocp.ocp.conditions import Conditions
-from geodesic_ocp.ocp.guesses import Guesses
+from geodesic_ocp.ocp.guesses import Attempts, Guesses
 from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
 from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.problem import Problem
@@ -217,6 +217,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
     found: list[Solution] = []
     failed: list[Solution] = []
     waiting: list[tuple[Solution, Path | None]] = []
+    attempts = Attempts()
 
     def finish(one: tuple[Solution, Path | None]) -> bool:
         """Return whether the search is over."""
@@ -227,7 +228,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
         return search.solver.was_ended(solution) or len(found) >= num_starts or is_spent()
 
     def is_spent() -> bool:
-        return num_starts == 1 and sum(search.solver.spent) > MOST_ITERATIONS
+        return num_starts == 1 and search.solver.effort.iterations > MOST_ITERATIONS
 
     def around() -> list[tuple[Solution, Path | None]]:
         return sorted(
@@ -236,9 +237,9 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
 
     def over() -> bool:
         several = num_starts > 1
-        simple = guesses.simple(several)
-        further = guesses.further(several)
-        last = guesses.last()
+        simple = guesses.simple(several, attempts)
+        further = guesses.further(several, attempts)
+        last = guesses.last(attempts)
         for enough, stage in ((2, simple), (1, further), (1, simple), (1, further), (1, last)):
             for name, path in stage:
                 if not several and any(_leads_to(one, path, guesses) for one in around()):
@@ -272,7 +273,7 @@ def _best_of(search: _Search, guesses: Guesses, num_starts: int) -> Solution:
         end = f", and {MOST_ITERATIONS} iterations in all ended the search"
     else:
         end = ""
-    tried = f" (tried: {', '.join(guesses.tried)})" if len(guesses.tried) > 1 else ""
+    tried = f" (tried: {', '.join(attempts.names)})" if len(attempts.names) > 1 else ""
     return replace(last, stats=replace(last.stats, status=f"{last.stats.status}{end}{tried}"))
 
 
@@ -316,11 +317,12 @@ def _ipopt_tolerance(tolerance: float | None) -> float:
     return TIGHT if tolerance is None else float(np.clip(tolerance / 10.0, TIGHT, MODERATE))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Search:
     """From guesses to solutions, on the problem's own grid, on a given one, or to a tolerance.
 
-    On half the segments Ipopt takes as many iterations, at half the cost, and few from there.
+    It remembers the grids of the last guesses. On half the segments Ipopt takes as many iterations,
+    at half the cost, and few from there.
     """
 
     solver: Solver
@@ -328,7 +330,7 @@ class _Search:
     tolerance: float | None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_grids", lru_cache(_ATTEMPTS)(self._grids))
+        self._grids = lru_cache(_ATTEMPTS)(self._grids_of)
 
     def begin(self, guess: Path | Solution | None) -> Solution:
         """Return the solution on the first grid; from a path on a finer one where it would jump
@@ -354,7 +356,7 @@ class _Search:
             solution = with_effort_of(before.stats, self.solver(first, guess, kept))
         return solution
 
-    def _grids(self, guess: Path | Solution | None) -> tuple[Grid, Grid]:
+    def _grids_of(self, guess: Path | Solution | None) -> tuple[Grid, Grid]:
         """Return the first grid, and the one that the solution has at least."""
         if self.grid is not None:
             return self.grid, self.grid

@@ -110,6 +110,20 @@ _MOST_AMONG_MANY = 3000
 _SIZE = 2000
 
 
+class Effort:
+    """Record of the iterations of Ipopt that solves have taken, which count for more in programs
+    with more than `_SIZE` variables and rows.
+    """
+
+    def __init__(self) -> None:
+        self.iterations = 0
+
+    def note(self, outcome: Outcome) -> None:
+        """Add those of one solve."""
+        size = (outcome.x.size + outcome.g.size) / _SIZE
+        self.iterations += int(outcome.iterations * max(1.0, size))
+
+
 @dataclass(frozen=True, eq=False)
 class Solver:
     """A problem with everything that stays the same from one grid to the next."""
@@ -122,7 +136,7 @@ class Solver:
     tolerance: float
     path_tolerance: float | None = None
     is_bounded: bool = False  # whether all solves together end after `_MOST_AMONG_MANY`
-    spent: list[int] = field(default_factory=list)  # iterations of all solves
+    effort: Effort = field(default_factory=Effort)  # of all solves, also with other settings
     within: float = np.inf  # how far [rad or m] nodes may move from a guess
 
     def __call__(
@@ -303,7 +317,7 @@ class Solver:
             if given.get("mu_init") == _WARM_START["mu_init"]:
                 given["mu_init"] = most
         given |= self.ipopt
-        if is_spent := self.is_bounded and sum(self.spent) > _MOST_AMONG_MANY:
+        if is_spent := self.is_bounded and self.effort.iterations > _MOST_AMONG_MANY:
             given["max_iter"] = 0
         settings = tuple(sorted(given.items()))
         try:
@@ -318,8 +332,7 @@ class Solver:
             outcome = _shared_ipopt(self.definition, shape, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
-        size = (outcome.x.size + outcome.g.size) / _SIZE
-        self.spent.append(int(outcome.iterations * max(1.0, size)))
+        self.effort.note(outcome)
         if is_spent and not outcome.success:
             status = f"no solution was found in {_MOST_AMONG_MANY} iterations of Ipopt"
             outcome = replace(outcome, status=status)

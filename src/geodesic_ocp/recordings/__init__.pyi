@@ -6,8 +6,6 @@ from .conventions.segment_orientations import SegmentOrientations as SegmentOrie
 from .conventions.segment_orientations import joint_angles as joint_angles
 from .conventions.skeleton_convention import SkeletonConvention as SkeletonConvention
 from .markers.fit_markers import fit_markers as fit_markers
-from .markers.fit_uncertainty import FitNoise as FitNoise
-from .markers.marker_fit import LostMarker as LostMarker
 from .markers.marker_fit import MarkerFit as MarkerFit
 from .markers.marker_set import MarkerSet as MarkerSet
 from .markers.markers import Markers as Markers

@@ -30,7 +30,6 @@ class RecordingSettings:
             Ann:RSHO; default: the first.
         sample_rate: sampling rate of files that have neither a rate nor times [Hz]; default: 120 Hz
             of .amc files, none of others.
-        amc_rate: the same, by its former name.
         degrees_in: whether angles in tables and .mot and .sto files that do not say their unit are
             in degrees.
         columns: file (.csv) that says which columns of a table are which joints; its columns are
@@ -52,16 +51,13 @@ class RecordingSettings:
     marker_set: str | None = None
     person: str | None = None
     sample_rate: float | None = None
-    amc_rate: float | None = None
     degrees_in: bool | None = None
     columns: str | None = None
     fill: float | None = None
     part: int | None = None
 
     def __post_init__(self) -> None:
-        self._check_positive(height="m", mass="kg", sample_rate="Hz", amc_rate="Hz", fill="s")
-        if self.sample_rate is not None and self.amc_rate is not None:
-            raise ValueError("give only one of sample_rate and amc_rate")
+        self._check_positive(height="m", mass="kg", sample_rate="Hz", fill="s")
         for name in ("skeleton", "columns"):
             file = getattr(self, name)
             if file is not None and not Path(file).is_file():
@@ -84,7 +80,6 @@ class RecordingSettings:
 
     def reading(self) -> dict[str, Any]:
         """Return the arguments of `read_recording` about the format of the file."""
-        others = ("height", "mass", "sample_rate", "amc_rate")
+        others = ("height", "mass", "sample_rate")
         names = (each.name for each in fields(RecordingSettings) if each.name not in others)
-        rate = self.sample_rate or self.amc_rate
-        return {name: getattr(self, name) for name in names} | {"rate": rate}
+        return {name: getattr(self, name) for name in names} | {"rate": self.sample_rate}

@@ -3,14 +3,12 @@ from .arm_alignment import align as align
 from .arm_alignment import propose_alignment as propose_alignment
 from .arm_alignment import read_alignment as read_alignment
 from .arm_result import RetargetedArm as RetargetedArm
-from .live import LiveCommand as LiveCommand
 from .live import LiveRetargeting as LiveRetargeting
-from .merge_synergies import SynergyGroup as SynergyGroup
 from .merge_synergies import merge_synergies as merge_synergies
 from .place_base import BasePlacement as BasePlacement
 from .place_base import place_base as place_base
-from .reachability import Reachability as Reachability
 from .reachability import reachability as reachability
 from .result import Retargeting as Retargeting
 from .retarget import retarget_arms as retarget_arms
+from .settings import RetargetingSettings as RetargetingSettings
 from .synergy_paths import SynergyPaths as SynergyPaths

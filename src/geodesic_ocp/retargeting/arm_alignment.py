@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_rotation, as_vector, settle
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.robots import ROBOTS
@@ -88,8 +88,8 @@ class Alignment(ShortRepr):
         for name, value in given.items():
             array = value.copy()
             array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "length", as_positive("length", self.length, "m"))
+            settle(self, **{name: array})
+        settle(self, length=as_positive("length", self.length, "m"))
         if self.side is not None and self.side not in get_args(Side):
             raise ValueError(f"side must be 'right', 'left' or None, got {self.side!r}")
         for name in ("elbow", "wrist"):

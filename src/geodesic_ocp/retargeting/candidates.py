@@ -7,7 +7,7 @@ of the straight line, and the time that the joints' speed limits add to it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -256,29 +256,29 @@ _SPREAD = 0.3  # [rad or m]; number of starts around each
 _AROUND = 12  # [rad or m]; number of starts around each
 
 
-@dataclass(frozen=True, eq=False)
-class Lacks:
-    """What distances that depend on one arm lack to their bounds, by the exact geometry.
+class RememberedLacks:
+    """What distances that depend on one arm lack to their bounds, by the exact geometry, and a
+    record of what they lack at the configurations that were asked for.
 
     Wide capsules overlap in most configurations, also of links that are far apart.
 
     Attributes:
         own: those distances, of the joints of all arms.
         columns: joints of the arm.
-        known: what they lack at configurations that were asked for.
     """
 
-    own: Clearance
-    columns: slice
-    known: dict[bytes, float] = field(default_factory=dict)
+    def __init__(self, own: Clearance, columns: slice) -> None:
+        self.own = own
+        self.columns = columns
+        self._known: dict[bytes, float] = {}
 
     def __call__(self, q: Array) -> Array:
         """Return the most that any of them lacks (k,) [m] at configurations (k, n)."""
         keys = [each.tobytes() for each in q]
-        if new := [k for k, key in enumerate(keys) if key not in self.known]:
+        if new := [k for k, key in enumerate(keys) if key not in self._known]:
             most = largest_lacks(self.own, self._points(q[new])).tolist()
-            self.known.update(zip((keys[k] for k in new), most, strict=True))
-        return np.array([self.known[key] for key in keys])
+            self._known.update(zip((keys[k] for k in new), most, strict=True))
+        return np.array([self._known[key] for key in keys])
 
     def none(self, q: Array) -> bool:
         """Return whether no distance lacks anything at a configuration (n,), in less time."""
@@ -321,7 +321,7 @@ def graph_weights(
 
 def own_lacks(
     clearance: Clearance | None, arms: Sequence[ArmWaypoints], number: int
-) -> Lacks | None:
+) -> RememberedLacks | None:
     """Return what distances lack to their bounds, those that depend on one arm alone; None if there
     are none.
     """
@@ -338,17 +338,17 @@ def own_lacks(
     if not any(rows):
         return None
     own = clearance.only(np.flatnonzero(rows).tolist())
-    return Lacks(own, slice(first, after))
+    return RememberedLacks(own, slice(first, after))
 
 
-def can_hold(waypoints: ArmWaypoints, lacks: Lacks | None, q: Array) -> Iterator[bool]:
+def can_hold(waypoints: ArmWaypoints, lacks: RememberedLacks | None, q: Array) -> Iterator[bool]:
     """Yield for configurations (k, n) whether links are apart, and joints strong enough."""
     for strong, each in zip(waypoints.strong_enough(q), q, strict=True):
         yield bool(strong) and (lacks is None or lacks.none(each))
 
 
 def attained(
-    waypoints: ArmWaypoints, layers: Sequence[Candidates], lacks: Lacks | None
+    waypoints: ArmWaypoints, layers: Sequence[Candidates], lacks: RememberedLacks | None
 ) -> list[bool]:
     """Return which poses any of the candidates attains, within what is allowed, with links apart
     and joints strong enough to hold the arm there.
@@ -361,7 +361,7 @@ def find_start(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
     layers: tuple[Candidates, ...],
-    lacks: Lacks | None,
+    lacks: RememberedLacks | None,
 ) -> StartConfigurations:
     """Return the configurations at the waypoints from which the program starts.
 
@@ -395,7 +395,7 @@ def best_candidates(
     waypoints: ArmWaypoints,
     weights: ObjectiveWeights,
     layers: Sequence[Candidates],
-    lacks: Lacks | None = None,
+    lacks: RememberedLacks | None = None,
 ) -> StartConfigurations:
     """Return the shortest path through the candidates; see `find_start`.
 

@@ -17,7 +17,7 @@ from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.candidates import (
     Candidates,
-    Lacks,
+    RememberedLacks,
     attained,
     best_candidates,
     can_hold,
@@ -373,7 +373,7 @@ class _BaseSearch:
         return tuple(graph_weights(arm, first_candidates(arm), settings) for arm in self._default)
 
     @cached_property
-    def _lacks(self) -> Lacks | None:
+    def _lacks(self) -> RememberedLacks | None:
         return own_lacks(self.clearance, self._default[:1], 0)
 
     def _polished(self, start: _Mounted, factor: float) -> Array:

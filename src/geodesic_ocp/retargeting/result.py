@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_ocp.arrays import Array, rotation_vector
-from geodesic_ocp.drawing.analysis_figure import draw_overview, widest_of_thirds
-from geodesic_ocp.drawing.retargeting_strips import retargeting_strips
-from geodesic_ocp.drawing.styles import new_figure, save_figure
 from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
 from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.motion_measures import measures_table
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
+from geodesic_ocp.figures import save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import (
     OUT_OF_REACH,
@@ -39,7 +37,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _TOUCHING = 1e-3  # [m]
-_METHODS = {"synergies": "geodesic synergies", "ik": "inverse kinematics"}
+METHODS = {"synergies": "geodesic synergies", "ik": "inverse kinematics"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -227,7 +225,7 @@ class Retargeting:
         rows = [
             {
                 "arm": arm.title,
-                "method": _METHODS[method],
+                "method": METHODS[method],
                 "action [J s]": found.action,
                 "peak speed [limit]": found.peak_speed if arm.has_speed_limits else None,
                 "hand, mean [m]": found.position,
@@ -276,51 +274,21 @@ class Retargeting:
                 notes.append(f"The gripper of {name} {turned}.")
         return new_table(tuple(rows[0]), [tuple(row.values()) for row in rows], " ".join(notes))
 
-    def plot(self) -> Figure:
-        """Return person and robot at some instants, the hand and three joints over time, and its
-        path.
-
-        Crosses beside the robot mark where the person's hand is, mapped to the robot. Both are seen
-        from the same side, the person in a mirror if left and right are exchanged, unless the
-        alignments turn what is up.
-        The person's hand, mapped to the robot, is drawn beside the robot's. Time spans of the
-        robot's synergies are shaded; marks on the upper edge are the starts of the person's
-        synergies. The robot's joints are drawn beside those of inverse kinematics.
-        """
-        count = len(self.arms)
-        figure = new_figure(11.0, 12.0 * count)
-        parts = figure.subfigures(count, 1, squeeze=False)[:, 0]
-        for arm, part in zip(self.arms, parts, strict=True):
-            time = arm.motion.time
-            segments = [(group.start, group.stop) for group in arm.groups]
-            hands = (arm.target_poses[1], arm.robot.hand_pose(arm.motion.q)[1])
-            joints = []
-            for joint in widest_of_thirds(arm.motion.q):
-                name = arm.robot.joint_names[joint]
-                unit = arm.robot.units[joint]
-                label = f"{name.removesuffix('_joint').removeprefix('panda_')}\n[{unit}]"
-                joints.append((label, arm.tracked.q[:, joint], arm.motion.q[:, joint]))
-            ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
-            names = ("person's hand, mapped", "geodesic synergies")
-            other = _METHODS["ik"]
-            strips = retargeting_strips(arm)
-            draw_overview(part, time, segments, hands, joints, names, other, ticks, strips)
-            part.suptitle(
-                f"{arm.title}: {len(arm.groups)} synergies of {len(arm.analysis.synergies)}"
-            )
-        return figure
-
-    def save(self, folder: str | FilePath) -> list[FilePath]:
-        """Write tables, figure, synergies and trajectory to a folder.
+    def save(self, folder: str | FilePath, *, figure: Figure | None = None) -> list[FilePath]:
+        """Write tables, synergies, trajectory and a figure to a folder.
 
         The trajectory is at a uniform rate, with consistent positions, velocities and
         accelerations, and meets the limits of the joints.
 
         table.csv and table.md, synergies.csv and synergies.md (`synergy_table`), comparison.csv and
-        comparison.md (`comparison`; comparison_0 and so on for several arms), figure.png and
-        figure.pdf, trajectory.csv, trajectory.json (the message JointTrajectory of ROS 2),
-        trajectory.npz (NumPy arrays with names and units), and for each arm synergies.json, or
-        synergies_0.json and so on.
+        comparison.md (`comparison`; comparison_0 and so on for several arms), trajectory.csv,
+        trajectory.json (the message JointTrajectory of ROS 2), trajectory.npz (NumPy arrays with
+        names and units), for each arm synergies.json, or synergies_0.json and so on, and, if a
+        figure is given, figure.png and figure.pdf.
+
+        Args:
+            folder: is made if there is none.
+            figure: of the retargeting, as `go.plot` draws it; None: none is written.
 
         Returns:
             Paths of the files.
@@ -328,9 +296,9 @@ class Retargeting:
         Raises:
             OSError: the folder cannot be made or written to.
         """
-        return write_together(folder, self._write)
+        return write_together(folder, lambda made: self._write(made, figure))
 
-    def _write(self, made: FilePath) -> None:
+    def _write(self, made: FilePath, figure: Figure | None) -> None:
         tables = {"table": self.table(), "synergies": self.synergy_table()}
         for number in range(len(self.arms)):
             name = "comparison" if len(self.arms) == 1 else f"comparison_{number}"
@@ -338,7 +306,8 @@ class Retargeting:
         save_tables(made, tables)
         for suffix in ("csv", "json", "npz"):
             self.trajectory.save(made / f"trajectory.{suffix}")
-        save_figure(self.plot(), made)
+        if figure is not None:
+            save_figure(figure, made)
         for number, arm in enumerate(self.bodies):
             name = "synergies.json" if len(self.bodies) == 1 else f"synergies_{number}.json"
             save_synergies(

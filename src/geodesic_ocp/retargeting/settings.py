@@ -17,6 +17,7 @@ from geodesic_ocp.arrays import (
     as_not_negative,
     as_number,
     as_positive,
+    settle,
 )
 from geodesic_ocp.execution.clearance import Clearance, joined_clearance, keep_clear
 from geodesic_ocp.execution.link_pairs import link_pairs, sampled_configurations
@@ -98,7 +99,7 @@ class RetargetingSettings(ShortRepr):
         ValueError: a value of the wrong type or out of range; the message names the field.
 
     >>> import geodesic_ocp as go
-    >>> settings = go.RetargetingSettings(rest=False, orientation_weight=0.0)
+    >>> settings = go.retargeting.RetargetingSettings(rest=False, orientation_weight=0.0)
     >>> settings.rest, settings.limits, settings.formulation
     (False, True, 'constrained')
     """
@@ -149,8 +150,8 @@ class RetargetingSettings(ShortRepr):
             _distance_and_angle(name, getattr(self, name))
             for name in ("pose_tolerance", "path_tolerance")
         )
-        object.__setattr__(self, "pose_tolerance", pose)
-        object.__setattr__(self, "path_tolerance", path)
+        settle(self, pose_tolerance=pose)
+        settle(self, path_tolerance=path)
         for value, unit in zip(path, ("m", "rad"), strict=True):
             if value != np.inf:
                 as_positive("path_tolerance", value, unit)

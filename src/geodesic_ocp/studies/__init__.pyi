@@ -1,13 +1,10 @@
 from .analyse_recordings import BatchResult as BatchResult
 from .analyse_recordings import analyse_recordings as analyse_recordings
 from .analysis_settings import AnalysisSettings as AnalysisSettings
-from .compare_methods import MethodComparison as MethodComparison
 from .compare_methods import compare_methods as compare_methods
 from .compare_metrics import MetricComparison as MetricComparison
 from .compare_metrics import compare_metrics as compare_metrics
-from .equal_numbers import EqualNumbers as EqualNumbers
 from .equal_numbers import compare_at_equal_numbers as compare_at_equal_numbers
-from .paired_test import PairedTest as PairedTest
 from .paired_test import paired_test as paired_test
 from .result_files import RecordingOutcome as RecordingOutcome
 from .study_result import StudyResult as StudyResult

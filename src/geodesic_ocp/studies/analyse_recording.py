@@ -157,7 +157,7 @@ def run_task(task: RecordingTask) -> RecordingOutcome:
 def _analysed(task: RecordingTask) -> RecordingOutcome:
     target = task.folder / RESULTS / result_name(task.source, task.key)
     if (
-        record := read_result(target, task.fit, task.figure)
+        record := read_result(target, task.fit, task.draw is not None)
     ) is not None:  # of a process that died right after it
         return outcome_of(task.source, task.key, record)
     start = time.perf_counter()
@@ -198,9 +198,9 @@ def _result(task: RecordingTask, target: Path) -> tuple[dict[str, Any], str]:
     analysis = analyse_recording(recording, settings)
     spread = analysis.uncertainty() if settings.uncertainty else None
     motion = analysis.motion
-    if task.figure:
+    if task.draw is not None:
         with replacing(figure_file(target)) as temporary:
-            analysis.plot(uncertainty=spread).savefig(temporary, format="png", dpi=110)
+            task.draw(analysis, uncertainty=spread).savefig(temporary, format="png", dpi=110)
     digest = settings.digest()
     same: Row = person_row(recording, settings, source) | {"settings": digest}
     own: Row = {"settings": digest}

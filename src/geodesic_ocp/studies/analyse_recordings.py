@@ -22,6 +22,7 @@ from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import in_executor, in_processes, usable_cores
 from geodesic_ocp.studies.result_files import (
     RESULTS,
+    Drawing,
     RecordingOutcome,
     RecordingTask,
     collect,
@@ -110,7 +111,7 @@ def analyse_recordings(
     subjects: str | PathLike[str] | None = None,
     time_limit: float | None = None,
     fit: bool = False,
-    figures: bool = False,
+    draw: Drawing | None = None,
     tables_only: bool = False,
     progress: Progress | None = None,
     finished: Callable[[RecordingOutcome], object] | None = None,
@@ -155,7 +156,8 @@ def analyse_recordings(
         fit: also compute the errors of cubics, splines and minimum jerk, and how that of each
             recording depends on the joint inertia (profiles.csv), for `StudyResult.joint_inertia`.
             It takes several times as long.
-        figures: also draw a figure of each recording, beside its result, as `Analysis.plot` does.
+        draw: draws a figure of each recording, which is written beside its result: `go.plot`, or
+            another function of a module that takes an analysis and `uncertainty`.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
@@ -204,7 +206,7 @@ def analyse_recordings(
             finished(outcome)
         report(_LABEL, len(found), len(sources))
 
-    wanted = (fit and not tables_only, figures and not tables_only)
+    wanted = (fit and not tables_only, None if tables_only else draw)
     tasks = _tasks(sources, settings, folder, time_limit, wanted, add)
     with nullcontext() if tables_only else locked(folder):
         with closing(_run(tasks, jobs, executor, tables_only)) as run:
@@ -254,14 +256,14 @@ def _tasks(
     settings: AnalysisSettings,
     folder: Path,
     time_limit: float | None,
-    wanted: tuple[bool, bool],
+    wanted: tuple[bool, Drawing | None],
     add: Callable[[RecordingOutcome], None],
 ) -> Iterator[RecordingTask]:
     """Yield the recordings that are to be analysed; outcomes of the others are added on the way.
 
     Args:
         sources, settings, folder, time_limit: of the tasks.
-        wanted: whether a result has the profile of the joint inertia, and a figure.
+        wanted: whether a result has the profile of the joint inertia, and what draws its figure.
         add: called with each outcome.
     """
     known = results_by_key(folder)
@@ -275,7 +277,10 @@ def _tasks(
                 outcome = RecordingOutcome(source, "file", f"cannot be read: {failure.strerror}")
             else:
                 same = first.setdefault(key, source.name)
-                record = read_result(known[key], *wanted) if key in known else None
+                profile, draw = wanted
+                record = None
+                if key in known:
+                    record = read_result(known[key], profile, draw is not None)
                 if same != source.name:
                     outcome = RecordingOutcome(source, "same", f"is the same file as {same}")
                 elif record is None:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, cycle
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_choice
-from geodesic_ocp.drawing.styles import COMPARED, line_styles, new_figure, save_figure
 from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.figures import save_figure
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.metrics import USUAL_METRICS, as_analysis_metric
 from geodesic_ocp.model.model import Model, as_model
@@ -34,7 +33,6 @@ from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
@@ -78,27 +76,7 @@ def metric_of(name: str, given: MetricOrFunction, model: Model) -> Metric:
         raise ValueError(f"metrics: {name!r}: {error}") from None
 
 
-_LABELS = {
-    "joint": "mean joint error [rad]",
-    "position": "mean error of the hand's position [m]",
-    "orientation": "mean error of the hand's orientation [rad]",
-}
-_MARKS = "os^DvPXph*<>"
-# numbers of segments, and a factor beyond the largest mark
-_LEAST_SHOWN = 24
-_BEYOND = 1.25
-
-
-def _styles(count: int) -> list[dict[str, Any]]:
-    if count <= len(COMPARED):
-        return list(COMPARED[:count])
-    return [
-        {**style, "marker": mark}
-        for style, mark in zip(line_styles(count), cycle(_MARKS), strict=False)
-    ]
-
-
-_MEASURES: tuple[Measure, ...] = get_args(Measure)
+MEASURES: tuple[Measure, ...] = get_args(Measure)
 _SHOWN = (4, 8, 12, 16, 20, 24)  # of many numbers of segments
 _HEADER = ("metric", "cuts", "segments", "joints [rad]", "hand [m]", "hand [rad]")
 
@@ -171,85 +149,18 @@ class MetricComparison:
             best = self.best_count(name)
             few = known if len(known) <= len(_SHOWN) else {*_SHOWN, best}
             chosen = curve[curve.index.isin(few if counts is None else counts)]
-            for count, *errors in chosen[[*_MEASURES]].itertuples():
+            for count, *errors in chosen[[*MEASURES]].itertuples():
                 cuts = "optimal, least BIC" if count == best else "optimal"
                 rows.append((name, cuts, count, *errors))
             rows += [(name, *found) for found in self.by_rule[name].itertuples()]
         return new_table(_HEADER, rows)
 
-    def draw(self, axes: Axes, measure: Measure | None = None) -> None:
-        """Draw error against number of segments into axes, with a legend.
-
-        Curves are optimal cuts, their filled marks the numbers worth having, hollow marks the
-        rules.
+    def save(self, folder: str | FilePath, *, figure: Figure | None = None) -> list[FilePath]:
+        """Write table.csv (all numbers of segments), table.md, and a figure (.png, .pdf).
 
         Args:
-            axes: axes of matplotlib.
-            measure: measure of the error; None is the one that the cuts minimize.
-
-        Raises:
-            ValueError: an unknown measure.
-        """
-        measure = as_choice("measure", self.measure if measure is None else measure, _MEASURES)
-        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-        best = {name: self.best_count(name) for name in self.curves}
-        marked = [*best.values(), *(int(n) for t in self.by_rule.values() for n in t["segments"])]
-        rules = dict.fromkeys(chain(*(table.index for table in self.by_rule.values())))
-        shapes = dict(zip(rules, cycle("os^v"), strict=False))
-        largest = max(int(curve.index[-1]) for curve in self.curves.values())
-        shown = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked))))
-        visible: list[float] = []
-        for (name, curve), style in zip(self.curves.items(), _styles(len(best)), strict=True):
-            errors = curve[measure]
-            points = self.by_rule[name]
-            few = {"markersize": 4.0} if len(errors) <= 12 else {"marker": "none"}
-            axes.plot(errors, **{**style, **few}, label=name)
-            at = {**style, "linestyle": "none", "zorder": 4}
-            axes.plot([best[name]], [errors[best[name]]], **at, markersize=8.0)
-            for rule, count, error in points[["segments", measure]].itertuples():
-                hollow = at | {"marker": shapes[rule], "markersize": 6.5, "fillstyle": "none"}
-                axes.plot([count], [error], **hollow)
-            visible += [*errors[errors.index <= shown], *points[measure]]
-        grey: dict[str, Any] = {"color": "0.35", "linestyle": "none"}
-        axes.plot([], [], **grey, marker="o", markersize=8.0, label="least BIC")
-        for rule, shape in shapes.items():
-            hollow = {"marker": shape, "markersize": 6.5, "fillstyle": "none"}
-            axes.plot([], [], **grey, **hollow, label=f"{rule} cuts")
-        axes.legend(fontsize="small", frameon=True, framealpha=0.9)
-        axes.set_yscale("log")
-        if positive := [error for error in visible if error > 0.0]:
-            axes.set_ylim(0.85 * min(positive), 1.15 * max(positive))
-        axes.set_xlim(0.0, shown + 1.0)
-        axes.set_xlabel("number of segments")
-        axes.set_ylabel(_LABELS[measure])
-        axes.grid(which="both", color="0.9", linewidth=0.6)
-        axes.set_axisbelow(True)
-        # Numbers such as 0.02 instead of powers of ten.
-        axes.yaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
-
-    def plot(self) -> Figure:
-        """Return error against number of segments in all three measures."""
-        figure = new_figure(12.0, 4.6)
-        panels = figure.subplots(1, 3)
-        for axes, measure in zip(panels, _MEASURES, strict=True):
-            self.draw(axes, measure)
-        legends = [axes.get_legend() for axes in panels]
-        labels = [text.get_text() for text in legends[0].get_texts()]
-        handles = legends[0].legend_handles
-        for legend in legends:  # one below all panels, where it covers no mark
-            legend.remove()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-        of = {"joint": "of the joints"}.get(self.measure, f"of the hand's {self.measure}")
-        figure.suptitle(
-            f"{self.model.name}, {self.motion.duration:.1f} s: cuts of least mean error {of}"
-        )
-        return figure
-
-    def save(self, folder: str | FilePath) -> list[FilePath]:
-        """Write table.csv (all numbers of segments), table.md, figure.png and figure.pdf.
+            folder: is made if there is none.
+            figure: of the comparison, as `go.plot` draws it; None: none is written.
 
         Returns:
             The files' paths.
@@ -261,7 +172,8 @@ class MetricComparison:
         def write(place: FilePath) -> None:
             self.table(self._counts).to_csv(place / "table.csv")
             (place / "table.md").write_text(markdown(self.table()), encoding="utf-8")
-            save_figure(self.plot(), place)
+            if figure is not None:
+                save_figure(figure, place)
 
         return write_together(folder, write)
 
@@ -429,7 +341,7 @@ def _curve(
         criterion = bayesian_information(predicted.q - motion.q, count, noise, independent)
         cuts = tuple(found.segments(count, refined=refined))
         rows.append((count, *errors.means, criterion, cuts))
-    columns = ["segments", *_MEASURES, "criterion", "cuts"]
+    columns = ["segments", *MEASURES, "criterion", "cuts"]
     return DataFrame(rows, columns=columns).set_index("segments")
 
 
@@ -453,4 +365,4 @@ def _by_rule(
             continue
         errors = motion_errors(model, motion, predicted)
         points.append((rule, len(segments), *errors.means))
-    return DataFrame(points, columns=["cuts", "segments", *_MEASURES]).set_index("cuts")
+    return DataFrame(points, columns=["cuts", "segments", *MEASURES]).set_index("cuts")

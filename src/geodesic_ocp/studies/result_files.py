@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -32,13 +32,23 @@ from geodesic_ocp.studies.study_tables import (
     new_rows,
     write_table,
 )
+from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.synergies.uncertainty import Uncertainty
 from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.recording import PASSIVE
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", "missing", "error"]
+
+
+class Drawing(Protocol):
+    """Draws the figure of an analysis, such as `go.plot`; processes import it from its module."""
+
+    def __call__(self, analysis: Analysis, /, *, uncertainty: Uncertainty | None) -> Figure:
+        """Return the figure, in which cuts are stable or doubtful if the uncertainty is known."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,7 +61,7 @@ class RecordingTask:
     key: str  # key of the result, see `result_key`
     time_limit: float | None = None  # time limit of the process that analyses it [s], or None
     fit: bool = False  # whether the result has the profile of the joint inertia
-    figure: bool = False  # whether it has a figure
+    draw: Drawing | None = None  # draws its figure; None: it has none
 
     def __repr__(self) -> str:
         return f"RecordingTask({self.source.name!r}, {self.key[:8]})"
@@ -93,7 +103,7 @@ class RecordingOutcome:
 
 
 FORMAT = "geodesic_ocp result of a recording"
-VERSION = 2
+VERSION = 1
 RESULTS = "results"  # folder of the results, within that of the output
 SYNERGIES = ".synergies.json"
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -14,15 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_choice
-from geodesic_ocp.drawing.study_figures import (
-    Means,
-    differences_figure,
-    durations_figure,
-    errors_figure,
-    paper_style,
-    synergies_figure,
-)
-from geodesic_ocp.drawing.styles import save_figure
+from geodesic_ocp.figures import save_figure
 from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.joint_inertias import inertia_table, scaling_table
@@ -76,7 +68,7 @@ MEASURES = {
     "segments": StudyMeasure("segments", "segments", "number of segments"),
     "segments_per_second": StudyMeasure("segments", _PER_SECOND, _PER_SECOND),
 }
-_SHOWN = ("joint", "position", "orientation")
+ERRORS_SHOWN = ("joint", "position", "orientation")
 _OWN = "riemannian"
 _FIRST_ORDER = (
     _OWN,
@@ -248,7 +240,7 @@ class StudyResult:
             raise ValueError(f"measure {measure!r}: the table has no {MEASURES[measure].column}")
         return known
 
-    def _known(self, measures: Iterable[str]) -> list[str]:
+    def known(self, measures: Iterable[str]) -> list[str]:
         """Return the measures that any recording has."""
         return [each for each in measures if self._column(each).notna().any()]
 
@@ -270,7 +262,7 @@ class StudyResult:
         from pandas import concat
 
         as_confidence(confidence)
-        names = measures or self._known(_SHOWN) or _SHOWN[:1]
+        names = measures or self.known(ERRORS_SHOWN) or ERRORS_SHOWN[:1]
         parts = {as_measure(each).header: self._means(each, confidence, complete) for each in names}
         found = concat(parts, names=["measure"])
         counts = found[["subjects", "recordings"]].drop_duplicates()
@@ -466,7 +458,7 @@ class StudyResult:
             raise ValueError("the study has no table of synergies (synergies.csv)")
         keys = ["condition", "subject"]
         each = self._rows.drop_duplicates("recording").groupby(keys, observed=True)
-        synergies = self._synergies.groupby(keys)
+        synergies = self.synergy_rows.groupby(keys)
         found = _plain(each.agg(recordings=("recording", "size"), seconds=("duration_s", "sum")))
         found["synergies"] = synergies.size().reindex(found.index, fill_value=0)
         found["per recording"] = found["synergies"] / found["recordings"]
@@ -474,7 +466,7 @@ class StudyResult:
         found["per second [1/s]"] = found["synergies"] / seconds.where(seconds > 0.0)
         for column, name, unit in (
             ("duration_s", "duration", "s"),
-            ("length", "length", self._length_unit),
+            ("length", "length", self.length_unit),
         ):
             for level in _LEVELS:
                 header = f"{name}, {level:.0%}" + f" [{unit}]" * bool(unit)
@@ -550,7 +542,7 @@ class StudyResult:
         return table
 
     @cached_property
-    def _synergies(self) -> DataFrame:
+    def synergy_rows(self) -> DataFrame:
         """Rows of the synergies, each with the condition of its recording."""
         assert self.synergies is not None
         condition = self._rows.drop_duplicates("recording").set_index("recording")["condition"]
@@ -558,7 +550,7 @@ class StudyResult:
         return rows.assign(condition=rows["recording"].map(condition.astype(str)))
 
     @property
-    def _length_unit(self) -> str:
+    def length_unit(self) -> str:
         """Unit of the synergies' lengths; empty if it is not known."""
         label = self.methods.get(_OWN, "")
         if STRAIGHT_LINES in label:
@@ -637,72 +629,43 @@ class StudyResult:
             "are stable."
         ]
 
-    def plot(self) -> Figure:
-        """Return errors of joints and hand by method, with subjects as points."""
-        with paper_style():
-            return errors_figure([self._drawn(each) for each in self._known(_SHOWN)])
-
-    def _drawn(self, measure: str) -> Means:
+    def subjects_by_row(self, measure: str) -> tuple[DataFrame, list[Array]]:
+        """Return the means of a measure, and the subjects' means (k,) of each of its rows."""
         table = self._means(measure, 0.95, complete=False)
         keys = ["condition", "method"]
         means = _subject_means(self._values(measure), keys).groupby(keys, observed=True)
-        points = [own.to_numpy() for _, own in means]
-        return Means(MEASURES[measure].axis, MEASURES[measure].scale, table, points)
+        return table, [own.to_numpy() for _, own in means]
 
-    def figures(self, measure: str = "joint", against: str | None = None) -> dict[str, Figure]:
-        """Return the figures of a paper, by name.
-
-        "errors": means of joints and hand by method with subjects as points; "differences": paired
-        differences from `against`; "synergies": distributions of durations and lengths, and
-        "durations": errors against duration, where there is a table of synergies.
-
-        Args:
-            measure, against: measure and against of the differences, see `tests`.
-        """
+    def paired_differences(
+        self, measure: str = "joint", against: str | None = None
+    ) -> tuple[DataFrame, list[Array]]:
+        """Return the tests, see `tests`, and the subjects' differences (k,) of each of its rows."""
         pairs = self._pairs(measure, against)
-        tests = self._tests(measure, against, pairs)
-        figures = {"errors": self.plot()}
-        with paper_style():
-            if len(tests):
-                points = [each.means[:, 0] - each.means[:, 1] for each in pairs]
-                chosen = MEASURES[measure]
-                references = tests["against"].unique()
-                label = str(references[0]) if len(references) == 1 else "the counterpart"
-                figures["differences"] = differences_figure(
-                    tests, points, label, chosen.axis, chosen.scale
-                )
-            if self.synergies is not None and len(self.synergies):
-                rows = self._synergies
-                unit = self._length_unit
-                groups = {
-                    name: [own for _, own in under.groupby("subject")]
-                    for name, under in rows.groupby("condition")
-                }
-                figures["synergies"] = synergies_figure(groups, unit)
-                axes = [
-                    (each.axis, each.scale * rows[each.column])
-                    for each in map(as_measure, _SHOWN[:2])
-                ]
-                figures["durations"] = durations_figure(rows["duration_s"], axes)
-        return figures
+        points = [each.means[:, 0] - each.means[:, 1] for each in pairs]
+        return self._tests(measure, against, pairs), points
 
     def save(
-        self, folder: str | Path, *, measure: str = "joint", against: str | None = None
+        self,
+        folder: str | Path,
+        *,
+        measure: str = "joint",
+        against: str | None = None,
+        figures: Mapping[str, Figure] | None = None,
     ) -> list[Path]:
-        """Write tables (.csv, .md and .tex), figures (.pdf and .png) and study.md to a folder.
+        """Write tables (.csv, .md and .tex), study.md and figures (.pdf and .png) to a folder.
 
         All are written to a temporary folder first and moved together; their paths are returned.
 
         Args:
             folder: is created if it does not exist.
-            measure, against: measure and against of the tests and the figure of differences, see
-                `tests`.
+            measure, against: measure and against of the tests, see `tests`.
+            figures: by name, as `go.drawing.study_figures` draws them; None: none are written.
 
         Raises:
             ValueError: as `tests`.
             OSError: the folder cannot be created or written to.
         """
-        known = self._known(MEASURES)
+        known = self.known(MEASURES)
         tables = {
             "means": ("Means over subjects", self.means(*known)),
             "tests": (f"Paired tests: {MEASURES[measure].header}", self.tests(measure, against)),
@@ -717,7 +680,6 @@ class StudyResult:
                 f"By subject: {MEASURES[name].header}",
                 self.by_subject(name),
             )
-        figures = self.figures(measure, against)
 
         def write(into: Path) -> None:
             notes = "".join(f"- {note}\n" for note in self.notes)
@@ -730,9 +692,8 @@ class StudyResult:
                     (into / f"{name}.md").write_text(markdown(table), encoding="utf-8")
                     parts.append(f"## {caption}\n\n{markdown(table)}")
             (into / "study.md").write_text("\n".join(parts), encoding="utf-8")
-            with paper_style():
-                for name, figure in figures.items():
-                    save_figure(figure, into, name, _DOTS)
+            for name, figure in (figures or {}).items():
+                save_figure(figure, into, name, _DOTS)
 
         return write_together(folder, write)
 

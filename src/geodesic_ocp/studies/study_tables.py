@@ -242,7 +242,7 @@ def path_ends(file: str) -> Iterator[str]:
             yield "/".join([*parts[start:-1], name])
 
 
-PARQUET_HINT = "Parquet needs pyarrow: pip install 'geodesic_ocp[parquet]'"
+PARQUET_HINT = "Parquet needs pyarrow: pip install 'geodesic_ocp[people]'"
 
 
 def has_parquet() -> bool:

@@ -1,15 +1,13 @@
 from . import baselines as baselines
-from .optimal_segmentations import OptimalSegmentations as OptimalSegmentations
+from .analyse import Analysis as Analysis
 from .optimal_segmentations import optimal_segmentations as optimal_segmentations
 from .optimal_segmentations import segment_optimal as segment_optimal
-from .scores import HandErrors as HandErrors
 from .scores import MotionErrors as MotionErrors
 from .scores import Scores as Scores
 from .scores import motion_errors as motion_errors
 from .scores import score as score
 from .segment import segment_zero_velocity as segment_zero_velocity
 from .segment_developed import segment_developed as segment_developed
-from .spline_knots import SplineKnots as SplineKnots
 from .spline_knots import spline_knots as spline_knots
 from .synergy import Reconstruction as Reconstruction
 from .synergy import Synergy as Synergy

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import lru_cache
 from inspect import signature
 from itertools import chain
 from pathlib import Path as FilePath
@@ -14,12 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geodesic_ocp.drawing.analysis_figure import INSTANTS, draw_analysis, errors_over_time
-from geodesic_ocp.drawing.arm_shapes import Postures
-from geodesic_ocp.drawing.arm_strip import StripArm, strip_instants
-from geodesic_ocp.drawing.best_view import across, best_view
-from geodesic_ocp.drawing.styles import in_degrees, new_figure, save_figure
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.figures import save_figure
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
     JOINT_INERTIA,
@@ -50,13 +46,12 @@ from geodesic_ocp.synergies.synergy import (
     save_synergies,
 )
 from geodesic_ocp.synergies.uncertainty import Cutting, Uncertainty, bootstrap
-from geodesic_ocp.tables import markdown, new_table, save_tables
+from geodesic_ocp.tables import in_degrees, markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.noise import Noise
 from geodesic_ocp.trajectory.recording import check_plausible, check_units
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
@@ -251,19 +246,8 @@ class Analysis:
         Args:
             effort: see `second_order`.
         """
-        known = self._predicted_at_second_order
-        for name in second_order_names(effort):
-            if name not in known:
-                predict = SECOND_ORDER[name].predict
-                known[name] = None
-                with suppress(NotConverged):
-                    known[name] = predict(self.metric, self.model, self.motion, self.segments)
-        return {name: found for name, found in known.items() if found is not None}
-
-    @cached_property
-    def _predicted_at_second_order(self) -> dict[str, Motion | None]:
-        """Predictions that have been computed, None for what was not found."""
-        return {}
+        every = {name: _second_order(self, name) for name in second_order_names(effort)}
+        return {name: found for name, found in every.items() if found is not None}
 
     def uncertainty(
         self, replicates: int = 100, *, seed: int = 0, progress: Progress | None = None
@@ -285,26 +269,10 @@ class Analysis:
                 "how the segments were found is not known: give analyse a function of metric and "
                 "motion, such as segments=go.segment"
             )
-        known = self._uncertainties
-        key = (replicates, seed)
-        if key not in known:
-            own = self.model, self.metric, self.motion, self.segments, self.cutting
-            known[key] = bootstrap(
-                *own, noise=self.noise, replicates=replicates, seed=seed, progress=progress
-            )
-        return known[key]
-
-    @property
-    def known_uncertainty(self) -> Uncertainty | None:
-        """What `uncertainty` has returned last, by which the viewer marks cuts; None if it was not
-        asked for.
-        """
-        return next(reversed(self._uncertainties.values()), None)
-
-    @cached_property
-    def _uncertainties(self) -> dict[tuple[int, int], Uncertainty]:
-        """What has been computed, by number of replicates and seed."""
-        return {}
+        own = self.model, self.metric, self.motion, self.segments, self.cutting
+        return bootstrap(
+            *own, noise=self.noise, replicates=replicates, seed=seed, progress=progress
+        )
 
     def labels(self) -> dict[str, str]:
         """Return the names of the methods in tables and figures, by method."""
@@ -327,74 +295,16 @@ class Analysis:
             if method not in (*_BASELINES, *self.not_found)
         }
 
-    def plot(
-        self,
-        curve: Callable[[Axes], object] | None = None,
-        uncertainty: Uncertainty | None = None,
-    ) -> Figure:
-        """Return the arm at some instants, errors over time on the same segments, and the hands'
-        paths.
-
-        Args:
-            curve: draws the error against the number of synergies into a panel of its own, as
-                `MetricComparison.draw` does; None leaves it out.
-            uncertainty: tells stable cuts from doubtful ones, which are drawn so.
-        """
-        model = self.model
-        motion = self.motion
-        labels = hand_labels(model.hands)
-        methods = self.on_same_segments()
-        compared = {name: self.predictions[method].q for method, name in methods.items()}
-        joints, distances = errors_over_time(model, motion.q, compared)
-        seen = motion.q
-        predicted = self.predicted.q
-        ways = {
-            label: (model.frame_pose(hand, seen)[1], model.frame_pose(hand, predicted)[1])
-            for label, hand in zip(labels, model.hands, strict=True)
-        }
-        several = len(labels) > 1
-        # Both arms stretched out are twice as wide as one.
-        instants = strip_instants(self.segments, INSTANTS // 2 + 1 if several else INSTANTS)
-        name = f"predicted, {next(iter(joints))}"
-        arms = (
-            StripArm(Postures.of(model, motion.q[instants]), "observed", "observed"),
-            StripArm(Postures.of(model, self.predicted.q[instants]), "predicted", name, False),
-        )
-        view = best_view(arms[0].postures, np.concatenate([way for way, _ in ways.values()]))
-        figure = new_figure(10.0, 12.0 if several else 9.6)
-        draw_analysis(
-            figure,
-            motion.time - motion.time[0],
-            self.segments,
-            instants,
-            (view, across(view, arms[0].postures)),
-            arms,
-            ways,
-            joints,
-            distances,
-            curve,
-            None if uncertainty is None else uncertainty.stable,
-        )
-        count = str(len(self.segments))
-        if uncertainty is not None:
-            count += " ({} to {})".format(*uncertainty.count_range)
-        figure.suptitle(
-            f"{model.name}: {count} geodesic synergies ({self.cuts}),"
-            + ("\n" if several or uncertainty is not None else " ")
-            + self.metric_name.replace("^2", "²")
-        )
-        return figure
-
     def save(
         self,
         folder: str | FilePath,
         *,
-        curve: Callable[[Axes], object] | None = None,
+        figure: Figure | None = None,
         effort: bool = False,
         uncertainty: Uncertainty | None = None,
         degrees: bool = False,
     ) -> list[FilePath]:
-        """Write table and second_order (.csv, .md), figure (.png, .pdf) and synergies.json.
+        """Write table and second_order (.csv, .md), synergies.json and a figure (.png, .pdf).
 
         With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md, and with an
         uncertainty cuts.csv and cuts.md. All are written to a temporary folder first and moved
@@ -402,10 +312,10 @@ class Analysis:
 
         Args:
             folder: is made if there is none.
-            curve: curve of the figure, see `plot`.
+            figure: of the analysis, as `go.plot` draws it; None: none is written.
             effort: see `second_order`.
-            uncertainty: of the cuts, see `plot`.
-            degrees: state angles in degrees in tables and figure.
+            uncertainty: of the cuts, see `uncertainty`.
+            degrees: state angles in degrees in tables.
 
         Returns:
             The files' paths.
@@ -420,12 +330,11 @@ class Analysis:
                 tables["table_unfiltered"] = self.table(unfiltered=True)
             if uncertainty is not None:
                 tables["cuts"] = uncertainty.table()
-            figure = self.plot(curve, uncertainty)
             if degrees:
                 tables = {name: in_degrees(table) for name, table in tables.items()}
-                figure = in_degrees(figure)
             save_tables(place, tables)
-            save_figure(figure, place)
+            if figure is not None:
+                save_figure(figure, place)
             save_synergies(
                 place / "synergies.json",
                 synergies=self.synergies,
@@ -435,6 +344,15 @@ class Analysis:
             )
 
         return write_together(folder, write)
+
+
+@lru_cache(maxsize=64)
+def _second_order(analysis: Analysis, name: str) -> Motion | None:
+    """Return one of `SECOND_ORDER` on the segments of an analysis; None if it was not found."""
+    with suppress(NotConverged):
+        predict = SECOND_ORDER[name].predict
+        return predict(analysis.metric, analysis.model, analysis.motion, analysis.segments)
+    return None
 
 
 @shows_progress

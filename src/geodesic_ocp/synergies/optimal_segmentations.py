@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -205,7 +206,6 @@ class OptimalSegmentations(ShortRepr):
     _candidates: NDArray[np.int64]
     _partitions: BestPartitions
     _costs: SegmentCosts
-    _refined: dict[int, tuple[list[int], float]] = field(default_factory=dict)
 
     _shown = ("measure", "counts", "errors", "max_duration")
 
@@ -268,13 +268,17 @@ class OptimalSegmentations(ShortRepr):
         if not refined:
             cuts = self._candidates[self._partitions.cuts(count)].tolist()
             return cuts, float(self._partitions.totals[count])
-        if count not in self._refined:
-            start, _ = self._cuts(count, False)
-            step = int(np.diff(self._candidates).max()) // 2
-            failures = self._costs.failures
-            self._refined[count] = refine_cuts(start, self._costs_within, step)
-            _warn(self._costs.failures - failures, "of the refinement", 4)
-        return self._refined[count]
+        cuts, total, failures = _refined(self, count)
+        _warn(failures, "of the refinement", 4)
+        return cuts, total
+
+    def _refinement(self, count: int) -> tuple[list[int], float, int]:
+        """Return the refined cuts, their total cost, and the number of geodesics not found."""
+        start, _ = self._cuts(count, False)
+        step = int(np.diff(self._candidates).max()) // 2
+        before = self._costs.failures
+        cuts, total = refine_cuts(start, self._costs_within, step)
+        return cuts, total, self._costs.failures - before
 
     def _costs_within(self, pairs: list[tuple[int, int]]) -> list[float]:
         """Return costs of segments; those that last longer than allowed have none."""
@@ -283,6 +287,9 @@ class OptimalSegmentations(ShortRepr):
         allowed = [pair for pair in pairs if time[pair[1]] - time[pair[0]] <= longest]
         costs = dict(zip(allowed, self._costs(allowed), strict=True))
         return [costs.get(pair, np.inf) for pair in pairs]
+
+
+_refined = lru_cache(maxsize=32)(OptimalSegmentations._refinement)
 
 
 def fewest_within(counts: np.ndarray, errors: Array, error: float | None) -> int:

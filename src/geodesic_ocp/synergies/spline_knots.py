@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 
@@ -33,7 +35,7 @@ class SplineKnots(ShortRepr):
     motion: Motion
     counts: np.ndarray
     errors: Array
-    _knots: dict[int, list[int]]
+    _knots: Mapping[int, tuple[int, ...]]
 
     _shown = ("counts", "errors")
 
@@ -92,7 +94,7 @@ def spline_knots(
     velocity = observed_velocity(motion)
     knots = cut_candidates(motion, as_positive("spacing", spacing, "s"))
     total = len(knots) - 2
-    found: dict[int, list[int]] = {}
+    found: dict[int, tuple[int, ...]] = {}
     errors: dict[int, float] = {}
     gains: dict[int, float] = {}  # of removing a knot, by its sample
     for done in range(total + 1):
@@ -106,7 +108,7 @@ def spline_knots(
             break
         error = _errors(whole, motion, knots)
         count = len(knots) - 1
-        found[count] = list(knots)
+        found[count] = tuple(knots)
         errors[count] = float(error.sum()) / len(motion)
         if count == 1:
             break
@@ -128,7 +130,9 @@ def spline_knots(
             del gains[knots[k]]
         del knots[least]
     counts = np.array(sorted(found))
-    return SplineKnots(motion, counts, np.array([errors[k] for k in counts]), found)
+    return SplineKnots(
+        motion, counts, np.array([errors[k] for k in counts]), MappingProxyType(found)
+    )
 
 
 def _through(

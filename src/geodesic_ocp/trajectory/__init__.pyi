@@ -1,12 +1,8 @@
 from .bundled_recording import bundled_recording as bundled_recording
 from .files.angle_tables import Column as Column
-from .files.angle_tables import read_table as read_table
 from .files.angle_tables import save_motion as save_motion
-from .files.mmm import read_mmm as read_mmm
-from .filters import MotionFilter as MotionFilter
-from .motion import FrameMotion as FrameMotion
+from .joint_trajectory import JointTrajectory as JointTrajectory
 from .motion import Subject as Subject
-from .outliers import Outlier as Outlier
 from .recording import Recording as Recording
 from .time_law import TimeLaw as TimeLaw
 from .time_law import time_law as time_law

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_vector, settle
 
 _MAX_DEGREE = 100
 
@@ -56,7 +56,7 @@ class Grid(ShortRepr):
             raise ValueError(f"via_segments must increase between 0 and {segments}, got {via}")
         values = {"segments": segments, "degree": degree, "ends": ends, "via_segments": via}
         for name, value in values.items():
-            object.__setattr__(self, name, value)
+            settle(self, **{name: value})
 
     def with_via_points(self, via_s: Sequence[float]) -> Grid:
         """Return the grid with via points at these s, increasing between 0 and 1.

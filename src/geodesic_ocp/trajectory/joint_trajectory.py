@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly, make_interp_spline
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array, settle
 from geodesic_ocp.records import write_together
 from geodesic_ocp.trajectory.exports import EXPORTS, NANO, library
 from geodesic_ocp.trajectory.interpolation import quintic
@@ -69,8 +69,8 @@ class JointTrajectory(ShortRepr):
             )
         if len(units) != len(names) or not set(units) <= {"rad", "m"}:
             raise ValueError(f"units must be 'rad' or 'm' for each joint, got {self.units!r}")
-        object.__setattr__(self, "joint_names", names)
-        object.__setattr__(self, "units", units)
+        settle(self, joint_names=names)
+        settle(self, units=units)
         if not set(self.derived) <= set(KINDS[1:3]):
             raise ValueError(f"derived must be among {', '.join(KINDS[1:3])}: {self.derived!r}")
         for name in ("time", *_ARRAYS.values()):
@@ -84,7 +84,7 @@ class JointTrajectory(ShortRepr):
             if not np.all(np.isfinite(array)):
                 sample = int(np.argwhere(~np.isfinite(array))[0, 0])
                 raise ValueError(f"{name} must be finite, sample {sample} is not")
-            object.__setattr__(self, name, array)
+            settle(self, **{name: array})
 
     _shown = ("joint_names", "duration", "rate")
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array, settle
 from geodesic_ocp.trajectory.filters import (
     MotionFilter,
     check_even,
@@ -65,7 +65,7 @@ class FrameMotion(ShortRepr):
             raise ValueError(f"the matrix at sample {int(np.argmin(proper))} is not a rotation")
         for name, array in (("rotations", rotations), ("positions", positions)):
             array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            settle(self, **{name: array})
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -155,10 +155,10 @@ class Motion:
         if self.trunk is not None and len(self.trunk) != time.size:
             raise ValueError(f"trunk must have {time.size} samples, got {len(self.trunk)}")
         check_increasing(time)
-        object.__setattr__(self, "joint_names", names)
+        settle(self, joint_names=names)
         for name, array in (arrays | {"time": time}).items():
             array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            settle(self, **{name: array})
 
     def __repr__(self) -> str:
         kind = "with velocities" if self.velocity is not None else "without velocities"

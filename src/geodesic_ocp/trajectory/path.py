@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, real_array
+from geodesic_ocp.arrays import Array, as_number, real_array, settle
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.grid import Grid, Quadrature, interpolation_between
 
@@ -47,7 +47,7 @@ class Path:
         if not np.all(np.isfinite(nodes)):
             raise ValueError("nodes must be finite")
         nodes.flags.writeable = False
-        object.__setattr__(self, "nodes", nodes)
+        settle(self, nodes=nodes)
 
     @classmethod
     def through(cls, metric: Metric, waypoints: ArrayLike) -> Path:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, settle
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.files.text_lines import check_seconds
 from geodesic_ocp.trajectory.motion import Motion
@@ -40,8 +40,8 @@ class Recording:
         motion = self.motion.select(self.model.joint_names)
         if motion.velocity is None:
             raise ValueError(f"{self.name or 'motion'}: no velocities; use motion.filtered()")
-        object.__setattr__(self, "motion", motion)
-        object.__setattr__(self, "subject", self.subject or motion.subject.name or self.name)
+        settle(self, motion=motion)
+        settle(self, subject=self.subject or motion.subject.name or self.name)
 
     def __repr__(self) -> str:
         return f"Recording({self.name!r} of {self.subject!r}, {self.model.name}, {self.motion!r})"

@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector, settle
 from geodesic_ocp.blocks import at_rows
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.motion import Motion
@@ -59,7 +59,7 @@ class TimeLaw(ShortRepr):
         for name in ("knots", "positions", "speeds"):
             array = as_vector(name, getattr(self, name), size)
             array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            settle(self, **{name: array})
         if self.knots[0] != 0.0 or np.any(np.diff(self.knots) <= 0.0):
             raise ValueError("knots must increase from 0")
 

@@ -43,5 +43,5 @@ def test_without_a_network_the_message_says_what_to_do(
 
 def test_without_the_package_the_message_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
-    with pytest.raises(ValueError, match=r"pip install 'geodesic_ocp\[mujoco\]'"):
+    with pytest.raises(ValueError, match=r"pip install 'geodesic_ocp\[robots\]'"):
         go.load_model("menagerie/franka_emika_panda", hand="hand")

@@ -54,7 +54,7 @@ SHARED_NAMES = """
 def test_a_joint_and_its_link_may_share_a_name() -> None:
     model = go.load_model(SHARED_NAMES, hand="b", joints=["b"])
     assert model.joint_names == ("b",)
-    twice = go.combine(model, model, placements=[(0, 0, 0), (1, 0, 0)])
+    twice = go.model.combine(model, model, placements=[(0, 0, 0), (1, 0, 0)])
     assert twice.dof == 2
     place = twice.with_hand("the text 2/b").hand_pose([0.0, 0.5])[1]
     assert_allclose(place, model.hand_pose([0.5])[1] + [1.0, 0.0, 0.0], rtol=0, atol=1e-15)

@@ -20,7 +20,7 @@ mujoco = pytest.importorskip("mujoco")
 
 def both_arms() -> go.Model:
     arms = go.human_arm("left"), go.human_arm("right").with_payload(2.0, [0.0, 0.0, 0.1])
-    return go.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
+    return go.model.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
 
 
 MODELS: dict[str, Callable[[], go.Model]] = {

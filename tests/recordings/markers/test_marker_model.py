@@ -59,7 +59,9 @@ def test_stature_is_read_from_the_lengths() -> None:
     de_leva = go.human_arm("right", 1.63, table="de_leva", sex="female")
     assert stature(de_leva) == pytest.approx(1.63)
     assert stature(human_upper_body(1.9)) == pytest.approx(1.9)
-    assert stature(go.combine(go.human_arm("right"), go.human_arm("left"))) == pytest.approx(1.75)
+    assert stature(go.model.combine(go.human_arm("right"), go.human_arm("left"))) == pytest.approx(
+        1.75
+    )
     assert MarkedBody(planar_arm()).height is None
 
 

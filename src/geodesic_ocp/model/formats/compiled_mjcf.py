@@ -55,7 +55,7 @@ def compiled_mjcf_model(source: MjcfSource) -> FileModel:
     return FileModel(model, geometry, mimics, (*notes, *ignored))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _GrowingModel:
     """A Pinocchio model under construction.
 

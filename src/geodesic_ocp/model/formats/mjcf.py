@@ -212,7 +212,7 @@ def _reject_unsupported(root: ET.Element, name: str) -> None:
         if (kind := joint.get("type", "hinge")) not in _JOINTS:
             raise ValueError(f"{name}: joint {joint.get('name')!r} is of the unknown type {kind!r}")
     for what in _unsupported(root):
-        advice = "is not supported without MuJoCo: pip install 'geodesic_ocp[mujoco]'"
+        advice = "is not supported without MuJoCo: pip install 'geodesic_ocp[robots]'"
         raise ValueError(f"{name}: {what} {advice}")
 
 

@@ -158,7 +158,7 @@ def _of_menagerie(name: str) -> Path:
     try:
         menagerie = importlib.import_module("mujoco_menagerie")
     except ImportError:
-        needed = "MuJoCo Menagerie: pip install 'geodesic_ocp[mujoco]'"
+        needed = "MuJoCo Menagerie: pip install 'geodesic_ocp[robots]'"
         raise ValueError(f"{_MENAGERIE}{name} needs {needed}") from None
     try:
         robot = menagerie.get(name)

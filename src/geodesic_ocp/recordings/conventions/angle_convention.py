@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_number, as_vector
+from geodesic_ocp.arrays import Array, as_number, as_vector, settle
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation, direction
 from geodesic_ocp.recordings.conventions.segment_orientations import (
@@ -42,7 +42,7 @@ class AxisRotation:
     def __post_init__(self) -> None:
         axis = direction(self.axis)
         if not isinstance(self.axis, str):
-            object.__setattr__(self, "axis", tuple(axis.tolist()))
+            settle(self, axis=tuple(axis.tolist()))
         if self.column is not None and (not isinstance(self.column, str) or not self.column):
             raise ValueError(f"column must be a name or None, got {self.column!r}")
         as_number("sign", self.sign)
@@ -74,8 +74,8 @@ class SegmentRelation:
             raise ValueError(f"segment must be a name, got {self.segment!r}")
         if not isinstance(self.refusal, str):
             raise ValueError(f"refusal must be a sentence, got {self.refusal!r}")
-        object.__setattr__(self, "rotations", tuple(self.rotations))
-        object.__setattr__(self, "neutral", tuple(self.neutral))
+        settle(self, rotations=tuple(self.rotations))
+        settle(self, neutral=tuple(self.neutral))
         if any(each.column is not None for each in self.neutral):
             raise ValueError(f"neutral rotations of the {self.segment} must have no column")
 
@@ -137,8 +137,8 @@ class AngleConvention:
             raise ValueError(f"position must have three columns or none, got {self.position!r}")
         if not isinstance(self.offsets, Mapping):
             raise ValueError(f"offsets must be given by segment, got {self.offsets!r}")
-        object.__setattr__(self, "relations", tuple(self.relations))
-        object.__setattr__(self, "position", tuple(self.position))
+        settle(self, relations=tuple(self.relations))
+        settle(self, position=tuple(self.position))
         earlier: list[str | None] = [None]
         for relation in self.relations:
             if relation.parent not in earlier:

@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, settle
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation, continuous_angles
@@ -84,8 +84,8 @@ class SegmentOrientations:
                 checked[name] = FrameMotion(given, np.zeros((time.size, 3))).rotations
             except ValueError as failure:
                 raise ValueError(f"{name}: {failure}") from None
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "rotations", checked)
+        settle(self, time=time)
+        settle(self, rotations=checked)
 
     def __len__(self) -> int:
         return int(self.time.size)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.arrays import as_choice, as_number, as_positive
+from geodesic_ocp.arrays import as_choice, as_number, as_positive, settle
 from geodesic_ocp.recordings.conventions.segment_orientations import ARM, SEGMENTS, SIDES, TRUNK
 from geodesic_ocp.records import as_stated
 from geodesic_ocp.trajectory.files.text_lines import LENGTHS
@@ -66,7 +66,7 @@ class SkeletonConvention:
         _check_segments("joints", self.joints, SEGMENTS)
         _check_segments("twist", self.twist, arms)
         names = {segment: _names(segment, given) for segment, given in self.joints.items()}
-        object.__setattr__(self, "joints", names)
+        settle(self, joints=names)
         for what in ("up", "forward", "space_up"):
             if getattr(self, what) is not None:
                 as_choice(what, getattr(self, what), AXES)

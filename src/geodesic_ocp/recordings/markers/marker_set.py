@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from geodesic_ocp.arrays import as_choice, as_not_negative, as_vector
+from geodesic_ocp.arrays import as_choice, as_not_negative, as_vector, settle
 from geodesic_ocp.records import as_stated
 
 Place = tuple[str, tuple[float, float, float]]
@@ -59,7 +59,7 @@ class MarkerSet:
                 raise ValueError(f"{marker}: a place is a segment and an offset, got {place!r}")
             x, y, z = as_vector(f"the offset of {marker}", place[1], 3).tolist()
             places[str(marker)] = (str(place[0]), (x, y, z))
-        object.__setattr__(self, "places", places)
+        settle(self, places=places)
         given = self.uncertainty
         named = given if isinstance(given, Mapping) else dict.fromkeys(places, given)
         for marker, value in named.items():

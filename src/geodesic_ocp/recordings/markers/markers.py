@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, as_choice
+from geodesic_ocp.arrays import Array, as_choice, settle
 from geodesic_ocp.trajectory.files.text_lines import LENGTHS
 from geodesic_ocp.trajectory.gaps import gap_samples
 from geodesic_ocp.trajectory.motion import Subject, check_increasing
@@ -62,7 +62,7 @@ class Markers:
             )
         time.flags.writeable = positions.flags.writeable = False
         for name, value in (("time", time), ("names", names), ("positions", positions)):
-            object.__setattr__(self, name, value)
+            settle(self, **{name: value})
 
     def __len__(self) -> int:
         return int(self.time.size)

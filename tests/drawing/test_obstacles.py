@@ -13,6 +13,7 @@ from known_models import planar_arm
 from matplotlib.figure import Figure
 
 import geodesic_ocp as go
+from geodesic_ocp.drawing.path_figure import draw_obstacles
 
 BALL = go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp")
 
@@ -57,7 +58,7 @@ def drawn(problem: go.Problem) -> list[object]:
     axes = Figure().add_subplot()
     n = problem.metric.dim
     path = go.Path(problem.metric, go.Grid(1, 2), np.outer([0.0, 0.5, 1.0], np.ones(n)))
-    problem.draw(axes, path, (0, 1))
+    draw_obstacles(problem, axes, path, (0, 1))
     return [artist.get_label() for artist in (*axes.patches, *axes.artists)]
 
 
@@ -87,7 +88,7 @@ def test_an_attribute_that_means_something_else_is_said_not_to_be_drawn(other: A
     with pytest.warns(UserWarning, match=r"OfPoints.obstacles are not drawn: .* go\.Ball"):
         assert drawn(problem) == []
     with pytest.warns(UserWarning, match="another name"):
-        go.solve(problem).plot()
+        go.plot(go.solve(problem))
 
 
 def test_obstacles_alone_are_no_condition() -> None:
