@@ -5,8 +5,8 @@ Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [robots.webp] [panda.
         python tools/pictures.py --recordings FILE:SIDE [FILE:SIDE ...] -- scores.png inertia.png
 
 show.gif is the bundled recording beside its retargeting on the Panda; panda.png the figure of the
-same; robots.webp the recording on three robots. It needs the extras robots and viewer, and takes a
-few minutes. The same files follow from the same versions of the packages.
+same; robots.webp the recording on three robots. It needs the extras robots and show, and a
+Chromium, and takes a few minutes. The same files follow from the same versions of all these.
 scores.png has the errors of all methods relative to straight lines, inertia.png those of geodesics
 by their joint inertia, on the given recordings and the bundled one.
 """

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawing.browser import chromium, playwright_or_skip
 from small_retargeting import small_analysis, small_retargeting
 
 import geodesic_ocp as go
@@ -394,6 +395,8 @@ def test_layers_and_the_time_of_a_picture(
     robot_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Are those that the command is given; a picture of frames differs from one without."""
+    with playwright_or_skip() as playwright, chromium(playwright):
+        pass  # there is one that starts
     base = ["show", str(swing(tmp_path / "swing.csv")), "--robot", str(robot_file)]
     base += ["--width", "200", "--out"]
     seen = set()

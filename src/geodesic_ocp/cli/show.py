@@ -62,7 +62,7 @@ def show(
 
     Raises:
         ValueError: a file cannot be read or shown, or options do not fit; names the file.
-        ImportError: ffmpeg, which an .mp4 needs, is not installed.
+        ImportError: there is no browser that shoots pictures, or no ffmpeg for an .mp4.
         OSError: the page cannot be written.
     """
     options = {"width": width, "rate": rate, "speed": speed, "at": at}
@@ -135,7 +135,7 @@ def present(
 
     Raises:
         ValueError: there is no such layer or time.
-        ImportError: ffmpeg, which an .mp4 needs, is not installed.
+        ImportError: there is no browser that shoots pictures, or no ffmpeg for an .mp4.
         OSError: the file cannot be written.
     """
     viewer = Viewer(playback)

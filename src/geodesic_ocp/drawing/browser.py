@@ -7,8 +7,9 @@ import io
 import math
 import os
 import shutil
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -36,7 +37,8 @@ _MISSING = (
 _WIDTH = 960  # [px] of a page that is as wide as its picture, or is enlarged to it
 _LEAST = 0.75  # pixels of a picture in place of one of the page; letters below could not be read
 # A JPEG, whose rounding is not seen, is there in two thirds of the time that a PNG takes.
-_SHOT = {"format": "jpeg", "quality": 100, "captureBeyondViewport": False}
+_SHOT = {"format": "jpeg", "quality": 100}
+_AHEAD = 1  # pictures that are shot while an earlier one is written
 _PATIENCE = 120_000.0  # [ms], after which a browser does not answer any more
 
 
@@ -50,16 +52,12 @@ def find_chromium(playwright: Any) -> str | None:
     return next((found for name in _ON_PATH if (found := shutil.which(name))), None)
 
 
-# What runs a function with its arguments where the browser lives, and returns its result.
-Call: TypeAlias = Callable[..., Any]
-
-
 @contextmanager
-def chromium() -> Iterator[tuple[Call, Any]]:
+def chromium() -> Iterator[tuple[ThreadPoolExecutor, Any]]:
     """Start a browser in a thread of its own, as event loops such as a notebook's forbid it theirs.
 
     Yields:
-        A function that calls others in that thread, and the browser, which must be used there.
+        The thread, and the browser, which must be used there.
 
     Raises:
         ImportError: there is no playwright, or no Chromium that starts.
@@ -71,27 +69,21 @@ def chromium() -> Iterator[tuple[Call, Any]]:
 
     with ThreadPoolExecutor(1, "browser") as thread:
 
-        def call(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-            return thread.submit(function, *arguments, **options).result()
-
-        driver = call(lambda: sync_playwright().start())
-        try:
-            program = call(find_chromium, driver)
+        def launch(driver: Any) -> Any:
+            program = find_chromium(driver)
             if program is None:
                 raise ImportError(_MISSING)
             try:
-                browser = call(
-                    driver.chromium.launch, executable_path=program, args=[*SOFTWARE_RENDERING]
-                )
+                return driver.chromium.launch(executable_path=program, args=[*SOFTWARE_RENDERING])
             except Error as reason:
                 said = str(reason).splitlines()[0]
                 raise ImportError(f"{program} does not start ({said}). {_MISSING}") from reason
-            try:
-                yield call, browser
-            finally:
-                call(browser.close)
+
+        driver = thread.submit(lambda: sync_playwright().start()).result()
+        try:
+            yield thread, thread.submit(launch, driver).result()
         finally:
-            call(driver.stop)
+            thread.submit(driver.stop).result()  # which ends its browsers
 
 
 def frames(
@@ -112,11 +104,16 @@ def frames(
     Raises:
         ImportError: there is no browser.
     """
-    with chromium() as (call, browser):
-        shoot = call(_film, browser, playback, width, turns is not None)
-        for index, instant in enumerate(instants):
-            data = call(shoot, instant, 0.0 if turns is None else turns[index])
-            yield _picture(data, width)
+    angles = [0.0] * len(instants) if turns is None else turns
+    with chromium() as (thread, browser):
+        shoot = thread.submit(_film, browser, playback, width, turns is not None).result()
+        shots: deque[Future[bytes]] = deque()
+        for instant, angle in zip(instants, angles, strict=True):
+            shots.append(thread.submit(shoot, instant, angle))
+            if len(shots) > _AHEAD:
+                yield _picture(shots.popleft().result())
+        for shot in shots:
+            yield _picture(shot.result())
 
 
 def _film(
@@ -135,21 +132,23 @@ def _film(
     sheet.add_style_tag(content=web_file("film.css"))
     sheet.evaluate(web_file("film.js"))
     height = sheet.evaluate("around => geodesicOcp.film(around)", around)
-    sheet.set_viewport_size({"width": wide, "height": math.ceil(height)})
+    box = {"width": wide, "height": math.ceil(height)}
+    sheet.set_viewport_size(box)
     devtools = context.new_cdp_session(sheet)
+    clip = {"x": 0, "y": 0, "scale": width / wide, **box}
 
     def shoot(instant: float, turn: float) -> bytes:
         sheet.evaluate("([time, angle]) => geodesicOcp.frame(time, angle)", [instant, turn])
-        shot = devtools.send("Page.captureScreenshot", _SHOT)
+        shot = devtools.send("Page.captureScreenshot", {**_SHOT, "clip": clip})
         return base64.b64decode(shot["data"])
 
     return shoot
 
 
-def _picture(data: bytes, width: int) -> Frame:
-    """Return a picture of this width and an even height, as videos need them."""
+def _picture(data: bytes) -> Frame:
+    """Return a picture of an even height, as videos need it."""
     from PIL import Image
 
     with Image.open(io.BytesIO(data)) as image:
         pixels: Frame = np.asarray(image.convert("RGB"))
-    return pixels[: len(pixels) // 2 * 2, :width]
+    return pixels[: len(pixels) // 2 * 2]
