@@ -486,7 +486,8 @@ def test_tables_and_figure_show_both_methods(found: go.retargeting.Retargeting) 
 
 @pytest.mark.slow
 def test_saved_files_can_be_read(found: go.retargeting.Retargeting, tmp_path: Path) -> None:
-    files = {file.name for file in found.save(tmp_path / "new" / "folder")}
+    folder = tmp_path / "new" / "folder"
+    files = {file.name for file in found.save(folder, figure=go.plot(found))}
     assert files == {
         "comparison.csv",
         "comparison.md",
@@ -501,7 +502,6 @@ def test_saved_files_can_be_read(found: go.retargeting.Retargeting, tmp_path: Pa
         "trajectory.json",
         "trajectory.npz",
     }
-    folder = tmp_path / "new" / "folder"
     (arm,) = found.arms
     metric = go.KineticEnergy(arm.robot)
     again = go.synergies.load_synergies(folder / "synergies.json", metric)
