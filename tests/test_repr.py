@@ -100,7 +100,7 @@ def test_repr_of_every_public_value_is_short(
         go.Grid(64, 4, tuple(np.linspace(0.0, 1.0, 65))),
         go.Motion(np.linspace(0.0, 1.0, 500), np.zeros((500, 14)), both.joint_names),
         go.trajectory.Subject(1.8, 80.0, "somebody"),
-        go.trajectory.time_law(1.0, 1.0, 0.0, 0.0, max_speed=1.2),
+        go.trajectory.time_law(0.1, 1.0, 1.0, 0.5, monotone=True),
         bundled_analysis,
         bundled_analysis.table(),
         go.retargeting.align(arm),

@@ -567,7 +567,7 @@ def test_links_whose_capsules_always_overlap_keep_the_margin(bundled_file: Path)
     found = go.retarget(analysis, robot)
     margin = found.settings.margin
     pairs = go.execution.link_pairs(robot, margin=margin)
-    report = go.execution.trajectory_clearance(robot, found.trajectory, pairs=pairs, closest=10)
+    report = go.execution.trajectory_clearance(robot, found.trajectory, pairs=pairs)
     assert found.success
     assert {(each.one, each.other) for each in report.closest} >= {*pairs.exact_only}
     for each in report.closest:

@@ -41,20 +41,18 @@ def test_time_law_without_bounds_is_the_cubic(
     assert law(duration, 1) == pytest.approx(end, abs=1e-9 * size / duration)
 
 
-@pytest.mark.parametrize(
-    "bounds", [{}, {"monotone": True}, {"max_speed": 2.0}, {"monotone": True, "max_speed": 2.0}]
-)
-def test_bounds_that_the_cubic_satisfies_change_nothing(bounds: dict[str, object]) -> None:
-    law = go.trajectory.time_law(1.0, 1.0, 0.5, 0.5, **bounds)
+@pytest.mark.parametrize("monotone", [False, True])
+def test_a_cubic_that_is_monotone_is_kept(monotone: bool) -> None:
+    law = go.trajectory.time_law(1.0, 1.0, 0.5, 0.5, monotone=monotone)
     assert law.knots.tolist() == [0.0, 1.0]
     t = np.linspace(0.0, 1.0, 11)
     assert law(t) == pytest.approx(cubic(1.0, 1.0, 0.5, 0.5, t), abs=1e-15)
 
 
-def solved_by_ipopt(law: go.trajectory.TimeLaw, low: float, high: float) -> go.trajectory.TimeLaw:
+def solved_by_ipopt(law: go.trajectory.TimeLaw) -> go.trajectory.TimeLaw:
     """The NLP over piecewise cubics whose knots contain those of a law, with its ends and length.
 
-    The speed is a parabola on each piece, and its three Bezier coefficients satisfy the bounds.
+    The speed is a parabola on each piece, whose three Bezier coefficients are not negative.
     """
     knots = np.unique(np.concatenate([np.linspace(*piece, 4) for piece in pairwise(law.knots)]))
     count, h = knots.size, np.diff(knots)
@@ -67,35 +65,31 @@ def solved_by_ipopt(law: go.trajectory.TimeLaw, low: float, high: float) -> go.t
         {"x": ca.vertcat(s, u), "f": cost, "g": 3 * chord - start - stop},
         options={"tol": 1e-11, "bound_relax_factor": 0.0},
     )
-    lower = np.repeat([-np.inf, low], count)
-    upper = np.repeat([np.inf, high], count)
+    lower = np.repeat([-np.inf, 0.0], count)
+    upper = np.full(2 * count, np.inf)
     fixed = [0, count - 1, count, 2 * count - 1]
     lower[fixed] = upper[fixed] = [0.0, law.length, law.speeds[0], law.speeds[-1]]
     guess = np.concatenate([knots * law.length / knots[-1], np.full(count, law.length / knots[-1])])
-    limits = {"lbx": lower, "ubx": upper, "lbg": low, "ubg": high}
+    limits = {"lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": np.inf}
     outcome = solver(x0=guess, **limits)
     assert outcome.success
     return go.trajectory.TimeLaw(knots, *np.split(outcome.x, 2))
 
 
 @pytest.mark.parametrize(
-    ("length", "start", "end", "bounds"),
+    ("length", "start", "end"),
     [
-        (0.1, 1.0, 0.5, {"monotone": True}),  # brake, pause, accelerate
-        (0.2, 1.0, 0.0, {"monotone": True}),  # brake, then rest
-        (0.15, 0.2, 1.0, {"monotone": True, "max_speed": 1.0}),
-        (0.9, 0.0, 0.0, {"max_speed": 1.2}),  # accelerate, cruise, brake
-        (1.0, 0.2, 0.8, {"max_speed": 1.15, "monotone": True}),
-        (0.8, -0.1, 0.3, {"max_speed": 1.1}),
+        (0.1, 1.0, 0.5),  # brake, pause, accelerate
+        (0.2, 1.0, 0.0),  # brake, then rest
+        (0.15, 0.2, 1.0),
     ],
 )
 def test_closed_form_is_the_optimum_that_ipopt_finds(
-    length: float, start: float, end: float, bounds: dict[str, object]
+    length: float, start: float, end: float
 ) -> None:
-    law = go.trajectory.time_law(length, 1.0, start, end, **bounds)
+    law = go.trajectory.time_law(length, 1.0, start, end, monotone=True)
     assert law.knots.size > 2
-    low = 0.0 if "monotone" in bounds else -np.inf
-    reference = solved_by_ipopt(law, low, float(bounds.get("max_speed", np.inf)))  # type: ignore[arg-type]
+    reference = solved_by_ipopt(law)
     t = np.linspace(0.0, 1.0, 301)
     assert law(t) == pytest.approx(reference(t), abs=1e-7)
     assert law.cost == pytest.approx(reference.cost, rel=1e-7)
@@ -141,17 +135,6 @@ def test_monotone_time_law_with_a_pause_is_optimal() -> None:
     assert law(middle, 1) == pytest.approx(np.zeros(20), abs=1e-9)
 
 
-@pytest.mark.parametrize("ends", [(0.08, 0.08), (0.3, 0.0), (0.7, 1.0)])
-@pytest.mark.parametrize("gap", [0.002, 0.005, 0.05])
-def test_speed_bound_close_to_the_mean_speed(gap: float, ends: tuple[float, float]) -> None:
-    """Nearly all of the length at full speed, after immediate braking or acceleration."""
-    law = go.trajectory.time_law(1.0, 1.0, *ends, max_speed=1.0 + gap)
-    speeds = law(np.linspace(0.0, 1.0, 2001), 1)
-    assert speeds.max() <= (1.0 + gap) * (1 + 1e-9)
-    assert law(1.0) == pytest.approx(1.0, abs=1e-9)
-    assert [law(0.0, 1), law(1.0, 1)] == pytest.approx(ends, abs=1e-9)
-
-
 def test_cost_is_the_integral() -> None:
     law = go.trajectory.time_law(0.4, 1.3, 0.9, 0.1, monotone=True)
     # The midpoint rule on a fine grid.
@@ -182,12 +165,8 @@ def test_zero_length_and_zero_speeds_give_rest() -> None:
         ((1.0, 0.0, 0.0, 0.0), {}, r"duration must be positive \[s\], got 0.0"),
         ((-1.0, 1.0, 0.0, 0.0), {}, "length must not be negative"),
         ((1.0, 1.0, np.nan, 0.0), {}, "start_speed must be a finite number"),
-        ((1.0, 1.0, -0.5, 0.0), {"monotone": True}, r"start_speed -0.5 lies outside \[0.0, inf\]"),
-        ((1.0, 1.0, 0.0, 3.0), {"max_speed": 2.0}, r"end_speed 3 lies outside \[-inf, 2\]"),
-        ((1.0, 1.0, 0.0, 0.0), {"max_speed": 0.5}, "0.5 is too low to cover 1 in 1 s"),
+        ((1.0, 1.0, -0.5, 0.0), {"monotone": True}, "start_speed of a monotone time law must not"),
         ((0.0, 1.0, 1.0, 1.0), {"monotone": True}, "too short to stop in"),
-        ((1.0, 1.0, 0.0, 0.0), {"max_speed": 1.0}, "needs the full speed throughout"),
-        ((1.0, 1.0, 0.0, 0.0), {"max_speed": 0.0}, "max_speed must be positive"),
     ],
 )
 def test_infeasible_time_laws_are_refused(
@@ -203,13 +182,3 @@ def test_arguments_out_of_range_are_named() -> None:
         law(2.1)
     with pytest.raises(ValueError, match="order must not be negative"):
         law(1.0, -1)
-
-
-def test_speed_reaches_its_bound_without_exceeding_it() -> None:
-    free = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0)
-    law = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0, max_speed=1.2)
-    assert free(0.5, 1) == pytest.approx(1.35)
-    speeds = law(np.linspace(0.0, 1.0, 2001), 1)
-    assert speeds.max() <= 1.2 * (1 + 1e-9)
-    assert speeds.max() == pytest.approx(1.2, abs=1e-6)
-    assert law.cost > free.cost

@@ -206,7 +206,6 @@ def compare_with_tracking(
     turning: bool = True,
     placing: bool = True,
     starts: ArrayLike | None = None,
-    name: str = "geodesic synergies",
     together: tuple[Sequence[str], Poses] | None = None,
 ) -> dict[str, MotionMeasures]:
     """Return measures of a trajectory, and of inverse kinematics that tracks the hand
@@ -237,7 +236,6 @@ def compare_with_tracking(
         elbow_offsets: elbow offsets of the robot and of the person, in lengths of the arm.
         turning, placing: settings of inverse kinematics, see `track_within_limits`.
         starts: where it begins, likewise; None: where the trajectory begins.
-        name: name of the trajectory.
         together: all hands of a body, that are tracked with this one, and their stacked poses, see
             `track_within_limits`.
 
@@ -260,7 +258,7 @@ def compare_with_tracking(
             robot, motion, poses(at), limits, gravity=gravity, elbow_offsets=offsets
         )
 
-    found = {name: measured(trajectory, time)}
+    found = {"geodesic synergies": measured(trajectory, time)}
     hands, tracked_poses = ((), poses) if together is None else together
     begin = trajectory.positions[0] if starts is None else starts
     own = trajectory.time[0] + np.array([0.0, time[-1] - time[0]])

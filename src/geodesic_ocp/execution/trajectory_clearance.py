@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_integer
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.link_pairs import (
     LinkPairs,
     PlacedSolid,
@@ -106,7 +106,6 @@ def trajectory_clearance(
     placements: Sequence[Any] | None = None,
     *,
     pairs: LinkPairs | None = None,
-    closest: int = _SHOWN,
 ) -> ClearanceReport:
     """Return the closest pairs of links at the samples of a trajectory, by their exact geometry.
 
@@ -125,7 +124,6 @@ def trajectory_clearance(
             N).
         placements: placements of the bases of the arms, see `link_pairs`.
         pairs: the result of `link_pairs` for these arms; None: found here.
-        closest: number of pairs to report.
 
     Returns:
         The least distance to 1 % and 0.1 mm, the others to 5 %; what is not known, as for links
@@ -134,7 +132,6 @@ def trajectory_clearance(
     Raises:
         ValueError: not N columns, numbers that are not finite, or pairs of other models.
     """
-    closest = as_integer("closest", closest, 1)
     pairs = pairs_of(arms, placements, pairs)
     solids = pairs.solids
     time = None
@@ -152,7 +149,7 @@ def trajectory_clearance(
     candidates.sort(key=lambda entry: float(entry[0].min()))
     found: list[ClosestApproach] = []
     for bounds, one, other in candidates:
-        if len(found) >= closest and bounds.min() >= found[closest - 1].distance:
+        if len(found) >= _SHOWN and bounds.min() >= found[_SHOWN - 1].distance:
             break
         least = found[0].distance if found else np.inf
         distance, sample = _closest(one, other, poses, bounds, least)
@@ -160,7 +157,7 @@ def trajectory_clearance(
         found.append(ClosestApproach(one.name, other.name, distance, sample, when))
         found.sort(key=lambda each: each.distance)
     unknown = pairs.unknown or (() if candidates else ("no two links can meet",))
-    return ClearanceReport(tuple(found[:closest]), len(candidates), len(q), unknown)
+    return ClearanceReport(tuple(found[:_SHOWN]), len(candidates), len(q), unknown)
 
 
 def _closest(

@@ -17,14 +17,12 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr, as_choice, as_positive, as_rotation, as_vector
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.logarithm.geodesic import Geodesic, geodesic_from_velocity
-from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.logarithm.pose_shooting import (
     PoseTarget,
     ShootingResult,
     descend_transported_gradient,
     shoot,
 )
-from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import pose_difference
 
@@ -69,7 +67,6 @@ def geodesic_to_pose(
     rotation: ArrayLike | None = None,
     *,
     velocity: ArrayLike | None = None,
-    towards: ArrayLike | None = None,
     weights: tuple[float, float] = (1.0, 1.0),
     energy_weight: float = ENERGY_WEIGHT,
     method: Method = "newton",
@@ -97,7 +94,6 @@ def geodesic_to_pose(
         position: position of the hand, (3,) [m] in the base's frame; None leaves it free.
         rotation: rotation of the hand, (3, 3); None leaves it free.
         velocity: (n,) initial guess; zero by default.
-        towards: configuration (n,) whose logarithm is the initial guess.
         weights: a [1/m] and b [1/rad].
         energy_weight: w of the energy, relative to the metric's trace at the start. Not used by
             "transport", which stops at the first geodesic to the pose.
@@ -120,11 +116,7 @@ def geodesic_to_pose(
     target_rotation = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
     given = np.array([position is not None, rotation is not None])
     factors = given * [as_positive(f"weights[{k}]", weights[k]) for k in (0, 1)]
-    if velocity is not None and towards is not None:
-        raise ValueError("give velocity or towards, not both")
     v0 = np.zeros(model.dof) if velocity is None else as_vector("velocity", velocity, model.dof)
-    if towards is not None:
-        v0 = log(metric_of(model), q0, as_vector("towards", towards, model.dof))
     target = PoseTarget(model, q0, target_position, target_rotation, factors)
     if method == "newton":
         found = shoot(target, v0, as_positive("energy_weight", energy_weight))

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.arrays import Array, as_positive, evaluate, rotation_vector
+from geodesic_ocp.arrays import Array, evaluate, rotation_vector
 from geodesic_ocp.manifold.metrics import KineticEnergy, with_joint_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
@@ -30,13 +30,13 @@ __all__ = [
 
 # Largest displacement of a joint in one step of the controller [rad or m].
 _MAX_STEP = 0.05
+_GAIN = 20.0  # of the pose error [1/s]
+_DAMPING = 0.02  # of the Jacobian's small singular values [m or rad per joint unit]
 _FOREARM_AND_WRIST = ("Ez_joint", "Wx_joint", "Wy_joint")  # of human_arm, without R or L
 Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
 
 
-def track_hand(
-    model: Model, motion: Motion, *, gain: float = 20.0, damping: float = 0.02
-) -> Motion:
+def track_hand(model: Model, motion: Motion) -> Motion:
     """Track the observed hands (end-effectors) with a damped velocity controller.
 
     It starts from the first observed configuration; the hand moves along the spline through the
@@ -52,28 +52,20 @@ def track_hand(
     Args:
         model: model whose hands track; its joints must be the motion's.
         motion: observed.
-        gain: gain of the pose error [1/s].
-        damping: damping of the Jacobian's small singular values [m or rad per joint unit].
 
     Returns:
         The controller's motion at the recording's sample times, with its velocities.
 
     Raises:
-        ValueError: the joints are not the model's, or a number is not positive.
+        ValueError: the joints are not the model's.
     """
     observed = motion.select(model.joint_names)
 
     poses = [lambda t, hand=hand: model.frame_pose(hand, observed(t)) for hand in model.hands]
-    return _track_poses(model, observed, poses, gain, damping)
+    return _track_poses(model, observed, poses)
 
 
-def _track_poses(
-    model: Model,
-    observed: Motion,
-    poses: Sequence[Poses],
-    gain: float = 20.0,
-    damping: float = 0.02,
-) -> Motion:
+def _track_poses(model: Model, observed: Motion, poses: Sequence[Poses]) -> Motion:
     """Track poses of all hands together, as `track_hand`.
 
     q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error). Damped least squares:
@@ -81,14 +73,12 @@ def _track_poses(
     limits.
 
     Args:
-        model, gain, damping: those of `track_hand`.
+        model: that of `track_hand`.
         observed: motion whose first configuration is the start, and whose sample times are the
             result's; recordings at low sampling rates need many steps between two of them.
         poses: poses of every hand, rotations (m, 3, 3) and positions (m, 3) [m] at m times; called
             once.
     """
-    gain = as_positive("gain", gain, "1/s")
-    damping = as_positive("damping", damping)
     time = observed.time
     start = observed.q[0]
     counts = np.ceil(np.abs(np.diff(observed.q, axis=0)).max(axis=1) / _MAX_STEP)
@@ -104,9 +94,8 @@ def _track_poses(
         beside = rotations.transpose(1, 0, 2).reshape(3, -1)
         targets += [beside[:, :-3], positions[:-1].T, beside[:, 3:], positions[1:].T]
     # A gain above 1/step would overshoot, above 2/step diverge.
-    gains = np.minimum(gain, 1.0 / step)
-    dampings = np.full_like(step, damping)
-    numbers = (each[None, interval] for each in (step, gains, dampings))
+    gains = np.minimum(_GAIN, 1.0 / step)
+    numbers = (each[None, interval] for each in (step, gains))
     controller = _controller(model).mapaccum(interval.size)
     q = np.vstack([start, evaluate(controller, start, *targets, *numbers).T[ends - 1]])
     velocity = np.diff(q, axis=0) / np.diff(time)[:, None]
@@ -116,10 +105,10 @@ def _track_poses(
 
 @lru_cache(maxsize=32)
 def _controller(model: Model) -> ca.Function:
-    """Return one step: q, pose of each hand now and after the step, step [s], gain, damping -> next
-    q.
-    """
-    q, step, gain, damping = ca.SX.sym("q", model.dof), *(ca.SX.sym(name) for name in "hkd")
+    """Return one step: q, pose of each hand now and after the step, step [s], gain -> next q."""
+    q = ca.SX.sym("q", model.dof)
+    step = ca.SX.sym("h")
+    gain = ca.SX.sym("k")
     targets: list[ca.SX] = []
     twists = []
     jacobians = []
@@ -133,10 +122,10 @@ def _controller(model: Model) -> ca.Function:
         targets += [*now, *after]
     twist = ca.vertcat(*twists)
     jacobian = ca.vertcat(*jacobians)
-    damped = jacobian @ jacobian.T + damping**2 * ca.SX.eye(jacobian.shape[0])
+    damped = jacobian @ jacobian.T + _DAMPING**2 * ca.SX.eye(jacobian.shape[0])
     factors, upper, permutation = ca.ldl(damped, False)  # positive definite: no pivoting
     change = step * (jacobian.T @ ca.ldl_solve(twist, factors, upper, permutation))
-    arguments = [q, *targets, step, gain, damping]
+    arguments = [q, *targets, step, gain]
     return ca.Function("controller", arguments, [ca.cse(ca.densify(q + change))])
 
 
