@@ -9,7 +9,8 @@ SHELL := bash
 # Compiled modules and rewritten tests are kept, whatever the caller's environment says.
 unexport PYTHONDONTWRITEBYTECODE
 .SHELLFLAGS := -o pipefail -c
-PARALLEL ?= --numprocesses auto --dist loadfile
+# Files in their order: the long ones would come last where those of most tests come first.
+PARALLEL ?= --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-slow lint docs package notebooks bench robots browser pinocchio-casadi clean
 

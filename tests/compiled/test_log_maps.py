@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -67,13 +65,13 @@ def test_the_shortest_of_many_starts(compiler: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", METRICS.values(), ids=METRICS)
-def test_all_metrics(make: Callable[[], go.Metric], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", sorted(METRICS.keys() - {"gravity"}))  # takes half a minute
+def test_all_metrics(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if library.system_compiler() is None:
         pytest.skip("needs a compiler of the system")
     monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "system")
-    metric, rng = make(), np.random.default_rng(7)
-    if make in (Sphere, HalfPlane):
+    metric, rng = METRICS[name](), np.random.default_rng(7)
+    if isinstance(metric, Sphere | HalfPlane):
         check_rows(metric, *pairs(21))
     else:
         check_rows(metric, *np.swapaxes([points(metric, rng, 2) for _ in range(9)], 0, 1))

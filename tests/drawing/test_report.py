@@ -66,6 +66,7 @@ def test_tables_are_those_of_the_result(page: Path) -> None:
         assert f"{table.iloc[0, -3]:#.3g}" in text
 
 
+@pytest.mark.slow
 def test_the_time_is_told_and_the_page_opens_in_a_browser(page: Path, tmp_path: Path) -> None:
     """Both panes are drawn, and nothing is logged."""
     assert "the person's time" in elements(page.read_text(encoding="utf-8")).text

@@ -128,6 +128,8 @@ def test_an_animation_lasts_as_long_as_the_motion_and_half_a_second(
     assert len(frames) == 6
     assert sum(times) == 1700  # 6 frames of 0.2 s, and half a second
     assert frames[0].shape[1] == 240
+    if suffix == "gif":
+        assert all(np.all(frame[0] == 255) for frame in frames)  # its paper is white
     with Image.open(file) as image:
         assert image.info["loop"] == 0
 
@@ -161,16 +163,16 @@ def test_the_speed_and_the_parameter_of_a_path_set_the_duration(tmp_path: Path) 
     fast = save_video(moving(), tmp_path / "fast.gif", width=240, rate=10.0, speed=2.0)
     assert sum(durations(fast)) == 1100
     path = replace(moving(), time_label=PARAMETER)
-    slow = save_video(path, tmp_path / "path.gif", width=160, rate=2.0)
-    assert sum(durations(slow)) == 5000  # 4 s, the frame at the end, and half a second
+    slow = save_video(path, tmp_path / "path.gif", width=160, rate=1.0)
+    assert sum(durations(slow)) == 5500  # 4 s, the frame at the end, and half a second
 
 
 @pytest.mark.slow
 def test_what_stands_still_is_seen_from_all_around(tmp_path: Path) -> None:
-    file = save_video(standing(), tmp_path / "cube.webp", width=160, rate=2.0)
+    file = save_video(standing(), tmp_path / "cube.webp", width=160, rate=1.0)
     frames = pictures(file)
     assert sum(durations(file)) == 6000
-    assert len(frames) == 12
+    assert len(frames) == 6
     assert all(np.any(a != b) for a, b in pairwise(frames))
     (still,) = pictures(save_video(standing(), tmp_path / "cube.png", width=160))
     assert still.shape[1] == 160
@@ -207,13 +209,12 @@ def test_a_narrow_picture_is_the_page_made_smaller_with_fewer_plots(tmp_path: Pa
     playback = moving()
     two = replace(playback, plots=playback.plots * 2, scenes=playback.scenes * 2)
     shapes = [
-        pictures(save_video(two, tmp_path / "x.png", width=width))[0].shape
-        for width in (720, 960, 240)
+        pictures(save_video(two, tmp_path / "x.png", width=width))[0].shape for width in (720, 240)
     ]
-    assert [width for _, width, _ in shapes] == [720, 960, 240]
+    assert [width for _, width, _ in shapes] == [720, 240]
     assert all(height % 2 == 0 for height, _, _ in shapes)
-    assert shapes[0][0] == pytest.approx(0.75 * shapes[1][0], abs=2)
-    assert shapes[2][0] > 240  # panes below each other
+    assert shapes[0][0] < 720  # panes side by side
+    assert shapes[1][0] > 240  # below each other
 
 
 @pytest.mark.slow
@@ -238,10 +239,10 @@ def test_layers_are_shown_if_asked_for(tmp_path: Path) -> None:
     scene = replace(scene, clouds=(PointCloud("points", high[:, None], ("a",)),))
     whole = replace(playback, scenes=(scene,))
     seen = []
-    for index, name in enumerate(("obstacles", "frames", "mobility ellipsoids", "clearances")):
-        file = save_video(whole, tmp_path / f"{index}.png", width=240, layers=[name])
+    for index, names in enumerate((["obstacles", "frames"], ["mobility ellipsoids", "clearances"])):
+        file = save_video(whole, tmp_path / f"{index}.png", width=240, layers=names)
         seen.append(pictures(file)[0])
-    assert len({each.tobytes() for each in seen}) == 4
+    assert np.any(seen[0] != seen[1])
     with pytest.raises(ValueError, match="layers: 'hand'"):
         save_video(whole, tmp_path / "x.png", layers=["hand"])
 
@@ -347,9 +348,3 @@ def test_a_gif_whose_frames_are_all_alike_lasts_as_long(tmp_path: Path) -> None:
     writers.write_gif(file, [frame] * 3, [frame], [100, 100, 600])
     assert sum(durations(file)) == 800
     assert all(np.abs(each.astype(int) - frame).max() < 5 for each in pictures(file))
-
-
-@pytest.mark.slow
-def test_the_paper_of_a_gif_is_white(tmp_path: Path) -> None:
-    for frame in pictures(save_video(moving(), tmp_path / "cube.gif", width=160, rate=2.0)):
-        assert np.all(frame[0] == 255)

@@ -189,7 +189,7 @@ def test_one_command_recovers_the_constants_of_synthetic_people(
     table = write_people(tmp_path / "data", exponent, sizes)
     out = tmp_path / "out"
     command = ["analyse", str(tmp_path / "data"), "--recursive", "--study", "--out", str(out)]
-    command += ["--segments", "online", "--subjects", str(table), "--jobs", "2"]
+    command += ["--segments", "online", "--subjects", str(table), "--jobs", "1"]
     assert cli.main(command) == 0
     assert "proportional to m r^2" in capsys.readouterr().out
     found = pd.read_csv(out / "study" / "joint_inertia.csv", index_col=0).iloc[:-1]

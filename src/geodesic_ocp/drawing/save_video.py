@@ -155,8 +155,8 @@ def ffmpeg() -> str:
 SUFFIXES = (".mp4", ".gif", ".webp", ".png")
 _SMALLEST = 160  # [px], width
 _LARGEST = 3840  # [px], width
-_PASS = 4.0  # [s], of a path over its parameter; of the camera around what stands still
-_TURN = 6.0  # [s], of a path over its parameter; of the camera around what stands still
+_PASS = 4.0  # [s], of a path over its parameter
+_TURN = 6.0  # [s], of the camera around what stands still
 _FASTEST = {".gif": 50.0, ".webp": 100.0, ".mp4": 240.0}  # [1 / s]; GIF: browsers show no more
 _LOOKED_AT = 8  # frames that are drawn for the colours of a GIF
 
