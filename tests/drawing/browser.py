@@ -141,7 +141,9 @@ def pictures(page: Any, selector: str) -> list[np.ndarray]:
     boxes = [element.bounding_box() for element in page.locator(selector).all()]
     found = []
     for box in boxes:
-        left, top, width, height = (round(SCALE * box[name]) for name in ("x", "y", "width", "height"))
+        left, top, width, height = (
+            round(SCALE * box[name]) for name in ("x", "y", "width", "height")
+        )
         found.append(screen[top : top + height, left : left + width])
     return found
 
