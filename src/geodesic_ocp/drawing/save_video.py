@@ -114,7 +114,8 @@ def write_mp4(file: Path, pictures: Iterable[Frame], rate: float) -> None:
     first = next(frames)
     height, width = first.shape[:2]
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{rate:.6g}"]
-    made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "23", "-movflags", "+faststart"]
+    made = ["-c:v", "libx264", "-preset", "veryfast", "-crf", "23"]
+    made += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
     command = [program, "-y", "-loglevel", "error", *given, "-i", "-", "-an", *made]
     with subprocess.Popen(
         [*command, "-f", "mp4", str(file)], stdin=subprocess.PIPE, stderr=subprocess.PIPE
