@@ -43,9 +43,9 @@ def motion_row(problem_class: type[go.MotionProblem], options: argparse.Namespac
     if options.pictures:
         picture = GALLERY / "pictures" / f"{problem_class.__name__}.png"
         go.plot(motion).savefig(picture, dpi=110)
-    variables = motion.knots.size + motion.coefficients.size
-    shown = problem_class.__name__, variables, "", motion.iterations, f"{seconds:.2f}"
-    return f"| {' | '.join(map(str, shown))} | | {motion.violation[0]:.0e} | |"
+    stats = motion.stats
+    shown = problem_class.__name__, stats.variables, "", stats.total_iterations, f"{seconds:.2f}"
+    return f"| {' | '.join(map(str, shown))} | | {stats.max_path_violation:.0e} | |"
 
 
 def row(problem_class: type[go.Problem], options: argparse.Namespace) -> str:

@@ -119,27 +119,27 @@ def test_imports_go_down_the_layers_and_each_thing_has_one_place() -> None:
 # change that raises one what it costs.
 CEILINGS = {
     ".": Size(nodes=11578, nodes_per_line=7.22, packed=2, constants=8),
-    "cli": Size(nodes=11280, nodes_per_line=6.14, packed=0, constants=13),
+    "cli": Size(nodes=11291, nodes_per_line=6.15, packed=0, constants=13),
     "compiled": Size(nodes=3054, nodes_per_line=5.68, packed=0, constants=10),
-    "drawing": Size(nodes=36970, nodes_per_line=7.78, packed=1, constants=179),
+    "drawing": Size(nodes=37014, nodes_per_line=7.78, packed=1, constants=179),
     "execution": Size(nodes=27114, nodes_per_line=7.8, packed=4, constants=90),
     "fitting": Size(nodes=9404, nodes_per_line=7.2, packed=0, constants=28),
     "logarithm": Size(nodes=13517, nodes_per_line=7.05, packed=0, constants=83),
     "manifold": Size(nodes=9929, nodes_per_line=7.39, packed=0, constants=23),
     "model": Size(nodes=32747, nodes_per_line=7.86, packed=3, constants=41),
-    "ocp": Size(nodes=34167, nodes_per_line=7.51, packed=1, constants=168),
+    "ocp": Size(nodes=39404, nodes_per_line=7.39, packed=1, constants=171),
     "recordings": Size(nodes=36799, nodes_per_line=7.12, packed=3, constants=98),
     "retargeting": Size(nodes=30835, nodes_per_line=7.29, packed=2, constants=141),
     "studies": Size(nodes=17065, nodes_per_line=6.37, packed=0, constants=18),
-    "synergies": Size(nodes=13485, nodes_per_line=7.31, packed=0, constants=27),
+    "synergies": Size(nodes=13486, nodes_per_line=7.31, packed=0, constants=27),
     "trajectory": Size(nodes=19979, nodes_per_line=7.81, packed=0, constants=55),
 }
 NAMES_ON_TOP = 55
-PUBLIC_NAMES = 173
+PUBLIC_NAMES = 174
 PARAMETERS = 533  # of public functions
 PARAMETERS_OF_ONE = 20
 OPTIONS = 264  # of all commands
-WORDS = 49455  # of README, CONTRIBUTING and the guides
+WORDS = 50423  # of README, CONTRIBUTING and the guides
 
 
 def test_rooms_do_not_grow() -> None:

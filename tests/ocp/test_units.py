@@ -145,8 +145,8 @@ def test_a_motion_takes_the_same_iterates_in_any_unit() -> None:
     assert distances.min() == pytest.approx(0.3, abs=1e-4)
     for length, time, scale in ((TINY, 1.0, TINY), (HUGE, TINY, HUGE)):
         found = go.solve(MotionPastDisc(length, time, scale))
-        assert found.iterations == expected.iterations
-        assert found.cost == pytest.approx(expected.cost * length**2 / time**3, rel=1e-9)
+        assert found.stats.total_iterations == expected.stats.total_iterations
+        assert found.objective == pytest.approx(expected.objective * length**2 / time**3, rel=1e-9)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e-8])

@@ -11,13 +11,15 @@ import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
 
 from geodesic_ocp.cli.terminal import check_folder, print_written
 from geodesic_ocp.drawing.plot import plot
-from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution
+from geodesic_ocp.ocp.motion_definition import MotionDefinition
+from geodesic_ocp.ocp.motion_problem import MotionPhases, MotionProblem
+from geodesic_ocp.ocp.motion_solution import MotionSolution
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.ocp.solve import solve as solve_problem
@@ -25,6 +27,9 @@ from geodesic_ocp.tables import new_table, text
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+AnyProblem: TypeAlias = Problem | MotionProblem | MotionPhases
 
 
 def solve(
@@ -61,28 +66,23 @@ def solve(
     written: list[str] = []
     for name, instance in [(name, with_fields(each, settings)) for name, each in classes.items()]:
         summary = (inspect.getdoc(instance) or "").partition("\n")[0]
-        found: MotionSolution | Solution
-        if isinstance(instance, MotionProblem):
-            if tolerance is not None:
-                raise ValueError(f"--tolerance is for paths, {name} is a motion in time")
-            found = solve_problem(instance)
-            told = text(motion_table(found))
-        else:
-            found = solve_problem(instance, tolerance=tolerance)
-            told = f"{text(solution_table(found))}\n\n{found.certificate}"
-        print(f"{name}: {summary}\n\n{told}")
+        found = solve_problem(instance, tolerance=tolerance)
+        table = motion_table(found) if isinstance(found, MotionSolution) else solution_table(found)
+        print(f"{name}: {summary}\n\n{text(table)}\n\n{found.certificate}")
         if out is None:
             continue
         out.mkdir(parents=True, exist_ok=True)
         picture = out / f"{name}.png"
         plot(found).savefig(picture, dpi=110)
+        found.save(data := out / f"{name}.json")
+        files = [picture, data]
         if isinstance(found, MotionSolution):
-            found.to_trajectory().save(data := out / f"{name}.csv")
+            found.to_trajectory().save(samples := out / f"{name}.csv")
+            files.append(samples)
         else:
-            found.save(data := out / f"{name}.json")
             written.append(str(data))
         print()
-        print_written([picture, data])
+        print_written(files)
     if written:
         shown = f"{shlex.join(written)} --problem {shlex.quote(str(file))}"
         print(f"\nto see it in motion: geodesic-ocp show {shown}")
@@ -90,19 +90,20 @@ def solve(
 
 def motion_table(motion: MotionSolution) -> DataFrame:
     """Return what the solver found, and its effort."""
-    amount, condition = motion.violation
+    stats = motion.stats
+    worst = stats.worst_constraint
     rows = (
-        ("cost", motion.cost),
+        ("objective", stats.objective),
         ("duration [s]", motion.duration),
         ("segments", len(motion.times) - 1),
-        ("largest violation", f"{amount:.1e}" + f" ({condition})" * bool(condition)),
-        ("iterations", motion.iterations),
-        ("time [s]", motion.seconds),
+        ("largest violation", f"{stats.max_path_violation:.1e}" + f" ({worst})" * bool(worst)),
+        ("iterations", stats.total_iterations),
+        ("time [s]", stats.total_seconds),
     )
-    return new_table(("", motion.status), rows)
+    return new_table(("", stats.status), rows)
 
 
-def problem_classes(file: str | Path) -> list[type[Problem | MotionProblem]]:
+def problem_classes(file: str | Path) -> list[type[AnyProblem]]:
     """Return the problem classes that a Python file defines, in order.
 
     Args:
@@ -131,8 +132,9 @@ def problem_classes(file: str | Path) -> list[type[Problem | MotionProblem]]:
         value
         for value in vars(module).values()
         if inspect.isclass(value)
-        and issubclass(value, Problem | MotionProblem)
+        and issubclass(value, Problem | MotionProblem | MotionPhases)
         and value.__module__ == module.__name__
+        and not value.__name__.startswith("_")
     ]
     if not derived:
         raise ValueError(f"{path} defines no problem: none of its classes derives from go.Problem")
@@ -153,9 +155,7 @@ def _importing_from(folder: Path) -> Iterator[None]:
         sys.path.remove(location)
 
 
-def with_fields(
-    problem_class: type[Problem | MotionProblem], settings: Mapping[str, str]
-) -> Problem | MotionProblem:
+def with_fields(problem_class: type[AnyProblem], settings: Mapping[str, str]) -> AnyProblem:
     """Return an instance of a class with some fields set to Python literals.
 
     Raises:
@@ -175,10 +175,14 @@ def with_fields(
     try:
         problem = problem_class(**values)
         if settings:
-            problem.definition()  # a value of the wrong type may surface only here
+            _parsed(problem)  # a value of the wrong type may surface only here
     except (TypeError, AttributeError, IndexError) as error:
         raise ValueError(f"{name}({given}) is not a valid problem: {error}") from error
     return problem
+
+
+def _parsed(problem: AnyProblem) -> object:
+    return problem.definition() if isinstance(problem, Problem) else MotionDefinition.of(problem)
 
 
 def _literal(key: str, text: str) -> Any:

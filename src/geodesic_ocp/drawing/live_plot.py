@@ -6,16 +6,19 @@ from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from geodesic_ocp.drawing.over_time import timed_figure
 from geodesic_ocp.drawing.path_figure import draw_obstacles, draw_path
 from geodesic_ocp.ocp.callback import Iterate
+from geodesic_ocp.ocp.motion_problem import MotionPhases, MotionProblem
 from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.trajectory.path import Path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 class LivePlot:
-    """A callback for `solve` that draws the path of every iterate into one notebook output.
+    """A callback for `solve` that draws every iterate, path or motion, into one notebook output.
 
     Args:
         problem: the problem to be solved.
@@ -27,7 +30,9 @@ class LivePlot:
     Use it as `with go.drawing.LivePlot(problem) as live: go.solve(problem, callback=live)`.
     """
 
-    def __init__(self, problem: Problem, interval: float = 0.1) -> None:
+    def __init__(
+        self, problem: Problem | MotionProblem | MotionPhases, interval: float = 0.1
+    ) -> None:
         try:
             from IPython import get_ipython
             from IPython.display import display
@@ -56,13 +61,13 @@ class LivePlot:
             f"{type(self._problem).__name__}, iteration {iterate.number}: objective "
             f"{iterate.objective:.6g}, largest violation {iterate.violation:.1e}"
         )
-        self._figure = draw_path(
-            iterate.path,
-            title,
-            partial(draw_obstacles, self._problem),
-            self._figure,
-            arms=False,
-        )
+        if isinstance(iterate.path, Path):
+            extra = None
+            if isinstance(self._problem, Problem):
+                extra = partial(draw_obstacles, self._problem)
+            self._figure = draw_path(iterate.path, title, extra, self._figure, arms=False)
+        else:
+            self._figure = timed_figure(iterate.path, title)
         if self._handle is None:
             self._handle = self._display(self._figure, display_id=True)
         else:

@@ -66,7 +66,7 @@ def trajectory_figure(trajectory: JointTrajectory) -> Figure:
     return draw_over_time(trajectory.time, rows, trajectory.joint_names, title)
 
 
-def timed_figure(motion: TimedMotion) -> Figure:
+def timed_figure(motion: TimedMotion, title: str = "") -> Figure:
     """Draw coordinates, velocities and torques over time."""
     t = np.linspace(motion.times[0], motion.times[-1], _SAMPLES)
     rows = {
@@ -76,9 +76,9 @@ def timed_figure(motion: TimedMotion) -> Figure:
     }
     problem = getattr(motion, "problem", None)
     name = type(motion if problem is None else problem).__name__
-    cost = getattr(motion, "cost", None)
-    title = name if cost is None else f"{name}: cost {cost:.4g}"
-    return draw_over_time(t, rows, motion.metric.coordinate_names, title)
+    objective = getattr(motion, "objective", None)
+    named = name if objective is None else f"{name}: objective {objective:.4g}"
+    return draw_over_time(t, rows, motion.metric.coordinate_names, title or named)
 
 
 def markers_figure(markers: Markers) -> Figure:

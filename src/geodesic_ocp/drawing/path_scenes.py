@@ -39,7 +39,7 @@ from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.distances import bodies_apart
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import HalfSpace
-from geodesic_ocp.ocp.motion_problem import MotionSolution
+from geodesic_ocp.ocp.motion_solution import PhasedMotion
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles, parse_conditions
 from geodesic_ocp.ocp.problems import ConstrainedProblem
 from geodesic_ocp.ocp.solution import Solution
@@ -323,6 +323,6 @@ def timed_playback(motion: TimedMotion, model: Model | None = None) -> Playback:
         plots = _coordinate_plots(metric, sampled.time, sampled.q)
         playback = Playback(title, (scene,), {}, plots)
     scene = playback.scenes[0]
-    obstacles = drawn_obstacles(motion.problem) if isinstance(motion, MotionSolution) else ()
+    obstacles = drawn_obstacles(motion.problem) if isinstance(motion, PhasedMotion) else ()
     scene = replace(scene, solids=obstacle_solids(obstacles, *scene.bounds()))
     return replace(playback, scenes=(scene,))

@@ -161,7 +161,7 @@ _STATUS = {
 }
 
 
-class Attempt(NamedTuple):
+class NewtonAttempt(NamedTuple):
     """Result of one pass through the levels: a velocity, or None and why; the last path."""
 
     velocity: Array | None
@@ -188,7 +188,7 @@ def find_by_newton(
         ValueError: the metric is not defined along the straight line.
     """
     reasons: list[str] = []
-    last: Attempt | None = None
+    last: NewtonAttempt | None = None
     for attempt in _attempts(metric, q0, q1, guess, thorough):
         if attempt.velocity is not None:
             return ConnectingGeodesic(q0, q1, attempt.velocity)
@@ -246,7 +246,7 @@ def bulge(grid: Grid) -> Array:
 
 def _attempts(
     metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool, relax: bool = True
-) -> Iterator[Attempt]:
+) -> Iterator[NewtonAttempt]:
     yield _pass(metric, q0, q1, _LEVELS, _start(_LEVELS, q0, q1, guess))
     if not thorough:
         return
@@ -270,7 +270,7 @@ def _attempts(
         yield _pass(metric, q0, q1, _LEVELS, x)
 
 
-def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> Attempt:
+def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> NewtonAttempt:
     """Return the geodesic from q1 to q0, traversed backwards."""
     back = _pass(metric, q1, q0, _LEVELS, _start(_LEVELS, q0, q1, guess)[::-1])
     result = back._replace(nodes=back.nodes[::-1], velocity=None)
@@ -310,7 +310,7 @@ def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
 
 def _pass(
     metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array | None = None
-) -> Attempt:
+) -> NewtonAttempt:
     """Return all levels from coarse to fine, from nodes x on the first."""
     velocity, nodes, status, statistics = metric.kernels.log_map(
         q0,
@@ -322,7 +322,7 @@ def _pass(
         added,
     )
     grid = levels.grids[statistics.level]
-    return Attempt(velocity if status == 0 else None, grid, nodes, _STATUS.get(status, ""))
+    return NewtonAttempt(velocity if status == 0 else None, grid, nodes, _STATUS.get(status, ""))
 
 
 def check_straight_line(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> None:

@@ -11,6 +11,7 @@ import casadi as ca
 from geodesic_ocp.ipopt import Relay
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.trajectory.path import Path
+from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,13 +22,13 @@ class Iterate:
         number: number of the iteration; the initial guess is number zero.
         objective: energy and running cost.
         violation: largest violation of any condition at the nodes, in the condition's unit.
-        path: the path.
+        path: the path, or the motion.
     """
 
     number: int
     objective: float
     violation: float
-    path: Path
+    path: Path | TimedMotion
 
 
 Callback: TypeAlias = Callable[[Iterate], object]

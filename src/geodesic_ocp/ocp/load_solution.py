@@ -1,4 +1,4 @@
-"""Solutions from the files that `Solution.save` writes."""
+"""Solutions from the files that `Solution.save` and `MotionSolution.save` write."""
 
 from __future__ import annotations
 
@@ -7,16 +7,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeAlias, overload
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.ocp.motion_definition import MotionDefinition, Piece
+from geodesic_ocp.ocp.motion_problem import MotionPhases, MotionProblem
+from geodesic_ocp.ocp.motion_solution import MotionNumbers, MotionSolution
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import (
     FORMAT,
     VERSION,
+    Attempt,
     Solution,
     SolutionNumbers,
     Stats,
@@ -28,6 +32,7 @@ from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.records import SENSELESS, convert, decoding, read_record
 from geodesic_ocp.trajectory.grid import Grid
 
+AnyProblem: TypeAlias = Problem | MotionProblem | MotionPhases
 _SAME_ENERGY = 1e-9  # relative
 _SAME_VIOLATION = 1e-8  # rounding may change it
 
@@ -54,6 +59,15 @@ class _SolutionRecord:
     models: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
+@dataclass(eq=False)
+class _MotionRecord:
+    pieces: tuple[Piece, ...]
+    stats: Stats
+    numbers: MotionNumbers
+    attempts: tuple[Attempt, ...] = ()
+    models: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
 @dataclass
 class _ClassRecord:
     problem: str
@@ -62,8 +76,16 @@ class _ClassRecord:
     left_out: tuple[str, ...] = ()
 
 
-def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution:
-    """Read a solution that `Solution.save` wrote.
+@overload
+def load_solution(
+    file: str | PathLike[str], problem: MotionProblem | MotionPhases
+) -> MotionSolution: ...
+@overload
+def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution: ...
+def load_solution(
+    file: str | PathLike[str], problem: AnyProblem | None = None
+) -> Solution | MotionSolution:
+    """Read a solution of a path or of a motion that its `save` wrote.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -99,6 +121,13 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
         raise RecordingError(
             f"{path}: its joints {record.get('joint_names')} are not the problem's"
         )
+    if not isinstance(problem, Problem):
+        motion_record = convert(record, _MotionRecord, path)
+        with decoding(path):
+            _check_models(motion_record.models, problem, path)
+            motion = _decoded_motion(motion_record, problem)
+        _check_energy(motion.energy, motion.stats.energy, path)
+        return motion
     decoded_record = convert(record, _SolutionRecord, path)
     with decoding(path):
         _check_models(decoded_record.models, problem, path)
@@ -107,7 +136,7 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
     return solution
 
 
-def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
+def _saved_problem(record: dict[str, Any], path: FilePath) -> AnyProblem:
     """Return an instance of the recorded class, which must be imported already, with the saved
     fields.
     """
@@ -133,28 +162,29 @@ def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
         ) from None
 
 
-def _imported_class(module: str, name: str) -> type[Problem] | None:
+def _imported_class(module: str, name: str) -> type[AnyProblem] | None:
     """Return the imported problem class of that name: of that module, or of a file of that name.
 
     A file is `around_disc` or `problems.around_disc`, depending on how it was run.
     """
     own = getattr(sys.modules.get(module), name, None)
-    if isinstance(own, type) and issubclass(own, Problem):
+    bases = (Problem, MotionProblem, MotionPhases)
+    if isinstance(own, type) and issubclass(own, bases):
         return own
     file = module.rpartition(".")[2]
-    for each in _subclasses(Problem):
+    for each in (each for base in bases for each in _subclasses(base)):
         if each.__qualname__ == name and each.__module__.rpartition(".")[2] == file:
             return each
     return None
 
 
-def _subclasses(base: Any) -> Iterator[type[Problem]]:
+def _subclasses(base: Any) -> Iterator[type[AnyProblem]]:
     for each in base.__subclasses__():
         yield each
         yield from _subclasses(each)
 
 
-def _check_models(models: dict[str, dict[str, Any]], problem: Problem, path: FilePath) -> None:
+def _check_models(models: dict[str, dict[str, Any]], problem: AnyProblem, path: FilePath) -> None:
     """Raise RecordingError if a model of the problem is not the one that was saved."""
     for name, saved in models.items():
         here = described_model(getattr(problem, name))
@@ -168,13 +198,7 @@ def _check_models(models: dict[str, dict[str, Any]], problem: Problem, path: Fil
 
 def _check_same_problem(solution: Solution, path: FilePath) -> None:
     """Raise RecordingError if energy or violations are not those that were saved."""
-    energy = solution.path.discrete_energy
-    saved = solution.stats.energy
-    if np.isfinite(saved) and not abs(energy - saved) <= _SAME_ENERGY * abs(saved):
-        raise RecordingError(
-            f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
-            f"with {saved:.9g}; pass the problem that was solved"
-        )
+    _check_energy(solution.path.discrete_energy, solution.stats.energy, path)
     largest = solution.violations[0].relative if solution.violations else 0.0
     saved = solution.stats.max_path_violation
     if not (
@@ -185,6 +209,36 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
             f"{path}: its path violates this problem's conditions by {largest:.3g} and was saved "
             f"with {saved:.3g}; pass the problem that was solved"
         )
+
+
+def _check_energy(energy: float, saved: float, path: FilePath) -> None:
+    if np.isfinite(saved) and not abs(energy - saved) <= _SAME_ENERGY * abs(saved):
+        raise RecordingError(
+            f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
+            f"with {saved:.9g}; pass the problem that was solved"
+        )
+
+
+def _decoded_motion(record: _MotionRecord, problem: MotionProblem | MotionPhases) -> MotionSolution:
+    definition = MotionDefinition.of(problem)
+    n = definition.phases[0].metric.dim
+    if len(record.pieces) != len(definition.phases):
+        raise ValueError(f"pieces must be {len(definition.phases)}, one for each phase")
+    bubbles = record.numbers.degree - 3
+    for number, piece in enumerate(record.pieces):
+        count = len(piece.fractions)
+        shapes = piece.knots.shape, piece.coefficients.shape
+        if shapes != ((count, 2 * n), (count - 1, bubbles, n)):
+            raise ValueError(f"pieces[{number}]: knots and coefficients do not match")
+    missing = {each.name for each in definition.conditions} ^ set(record.numbers.scales)
+    if missing:
+        raise ValueError(f"numbers.scales must be of the problem's conditions, not {missing}")
+    found = MotionSolution(
+        problem, record.pieces, record.stats, record.numbers, attempts=record.attempts
+    )
+    if record.numbers.lam_g.size != found.nlp.program.size_g:
+        raise ValueError(f"numbers.lam_g must be {found.nlp.program.size_g} numbers")
+    return found
 
 
 def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:

@@ -105,6 +105,39 @@ class Stats:
         return sum(each.seconds for each in self.mesh_history) or self.seconds
 
 
+@dataclass(frozen=True)
+class Attempt:
+    """One guess that a search has tried.
+
+    Attributes:
+        guess: its name; empty: the problem's own, or the one given.
+        segments: of the last grid.
+        success, status, objective: how its solve ended.
+        iterations, seconds: of Ipopt, on all grids.
+    """
+
+    guess: str
+    segments: int
+    success: bool
+    status: str
+    objective: float
+    iterations: int
+    seconds: float
+
+    @classmethod
+    def of(cls, guess: str, segments: int, stats: Stats) -> Attempt:
+        """Return the record of a solve with these statistics."""
+        return cls(
+            guess=guess,
+            segments=segments,
+            success=stats.success,
+            status=stats.status,
+            objective=stats.objective,
+            iterations=stats.total_iterations,
+            seconds=stats.total_seconds,
+        )
+
+
 _DATACLASSES = {kind.__name__: kind for kind in (Ball, Box, Capsule, HalfSpace)}
 
 
@@ -238,6 +271,11 @@ class Solution:
         if "certificate" in self.__dict__:  # computing it takes longer than a repr may
             lines.append(f"  {self.certificate}")
         return "\n".join(lines)
+
+    @property
+    def objective(self) -> float:
+        """The value reached, energy and running cost."""
+        return self.stats.objective
 
     @cached_property
     def violations(self) -> tuple[Violation, ...]:

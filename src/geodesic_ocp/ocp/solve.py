@@ -15,12 +15,14 @@ from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.callback import Callback
 from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.guesses import Attempts, Guesses
-from geodesic_ocp.ocp.motion_problem import MotionProblem, MotionSolution, solve_motion
+from geodesic_ocp.ocp.motion_problem import MotionPhases, MotionProblem
+from geodesic_ocp.ocp.motion_solution import MotionSolution
 from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import halved, meeting_conditions, refine, resolving
 from geodesic_ocp.ocp.scales import measured
 from geodesic_ocp.ocp.solution import Solution, describe_failure, with_effort_of
+from geodesic_ocp.ocp.solve_motion import MotionGuess, solve_motion
 from geodesic_ocp.ocp.solver import FEASIBLE, LOOSE, MODERATE, MOST_ITERATIONS, TIGHT, Solver
 from geodesic_ocp.ocp.violations import path_samples
 from geodesic_ocp.trajectory.grid import Grid
@@ -33,8 +35,6 @@ _SAME = 1e-5  # relative difference of the objectives of one solution on one gri
 
 
 @overload
-def solve(problem: MotionProblem, *, throw: bool = True) -> MotionSolution: ...
-@overload
 def solve(
     problem: Problem,
     *,
@@ -46,11 +46,23 @@ def solve(
     ipopt: Mapping[str, Any] | None = None,
     num_starts: int = 1,
 ) -> Solution: ...
+@overload
 def solve(
-    problem: Problem | MotionProblem,
+    problem: MotionProblem | MotionPhases,
     *,
     grid: Grid | None = None,
-    guess: Path | Solution | None = None,
+    guess: MotionGuess | None = None,
+    tolerance: float | None = None,
+    throw: bool = True,
+    callback: Callback | None = None,
+    ipopt: Mapping[str, Any] | None = None,
+    num_starts: int = 1,
+) -> MotionSolution: ...
+def solve(
+    problem: Problem | MotionProblem | MotionPhases,
+    *,
+    grid: Grid | None = None,
+    guess: Path | Solution | MotionGuess | None = None,
     tolerance: float | None = None,
     throw: bool = True,
     callback: Callback | None = None,
@@ -72,8 +84,8 @@ def solve(
     same solution; `stats.guess` names the guess that led to it.
 
     Args:
-        problem: an instance of a subclass of Problem, or of MotionProblem: see
-            `geodesic_ocp.ocp.motion_problem.solve_motion`.
+        problem: an instance of a subclass of Problem; or of MotionProblem or `ocp.MotionPhases`,
+            with arguments of the same names: see `geodesic_ocp.ocp.solve_motion.solve_motion`.
         grid: grid of the nodes; the solution has this grid. None: the problem's own, refined where
             conditions are violated between the nodes by more than 1e-4, each in its scale: about
             how much its value changes over the size of the problem (docs/how-to/problem.md).
@@ -108,19 +120,21 @@ def solve(
         >>> problem.model.hand_pose(solution.path(1.0))[1].round(6).tolist()
         [0.1, 0.45, -0.05]
     """
-    options: dict[str, object] = {"grid": grid, "guess": guess, "tolerance": tolerance}
-    options |= {"callback": callback, "ipopt": ipopt}
-    options["num_starts"] = None if as_integer("num_starts", num_starts, 1) == 1 else num_starts
-    given = [name for name, value in options.items() if value is not None]
-    if isinstance(problem, MotionProblem):
-        if given:
-            raise ValueError(f"motions are solved without {', '.join(given)}")
-        return solve_motion(problem, throw=throw)
+    as_integer("num_starts", num_starts, 1)
+    if not isinstance(grid, Grid | None):
+        raise ValueError(f"grid must be a Grid, got {grid!r}")
+    if not isinstance(ipopt, Mapping | None):
+        raise ValueError(f"ipopt must be options of Ipopt by name, got {ipopt!r}")
+    options: dict[str, Any] = {"grid": grid, "guess": guess, "tolerance": tolerance}
+    options |= {"callback": callback, "ipopt": ipopt, "num_starts": num_starts}
+    if isinstance(problem, MotionProblem | MotionPhases):
+        return solve_motion(problem, throw=throw, **options)
     if not isinstance(problem, Problem):
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
         raise ValueError(f"{type(problem).__name__} defines no metric")
     if type(problem).solved is not Problem.solved:
+        given = [name for name, value in options.items() if value not in (None, 1)]
         if given:
             kind = type(problem).__name__
             raise ValueError(f"{kind} is solved by a program of its own, without {given[0]}")
@@ -129,12 +143,8 @@ def solve(
             raise NotConverged(f"{type(problem).__name__} was not solved: {own.status}", own)
         found: Solution = own
         return found
-    if not isinstance(grid, Grid | None):
-        raise ValueError(f"grid must be a Grid, got {grid!r}")
     if not isinstance(guess, Path | Solution | None):
         raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
-    if not isinstance(ipopt, Mapping | None):
-        raise ValueError(f"ipopt must be options of Ipopt by name, got {ipopt!r}")
     definition = problem.definition()
     definition = replace(definition, guess=_remembered(definition.guess))
     conditions = definition.conditions

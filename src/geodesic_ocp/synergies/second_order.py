@@ -15,8 +15,9 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.logarithm.cubics import cubic, spline
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.motion_problem import MotionProblem, solve_motion
+from geodesic_ocp.ocp.motion_problem import MotionProblem
 from geodesic_ocp.ocp.problem import Equality
+from geodesic_ocp.ocp.solve_motion import solve_motion
 from geodesic_ocp.synergies.baselines import minimum_acceleration, minimum_jerk, minimum_jerk_hand
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments
