@@ -94,7 +94,7 @@ def test_the_pendulum_finds_the_swing_that_needs_the_least_torque(limit: float) 
     assert found.objective == pytest.approx(4.3429, abs=2e-4)
     assert np.abs(found.torques(np.linspace(0.0, 3.0, 301))).max() == pytest.approx(1.968, abs=1e-3)
     assert found.certificate.locally_minimizing
-    assert len(found.attempts) >= 3
+    assert len(found.attempts) >= 2
     assert min(each.objective for each in found.attempts if each.success) == found.objective
 
 

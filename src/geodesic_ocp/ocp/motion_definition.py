@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -89,6 +89,7 @@ class Piece:
         return found
 
 
+@lru_cache
 def basis_of(degree: int) -> SegmentBasis:
     """Return polynomials of a degree on a segment, with a quadrature that is exact beyond it."""
     return SegmentBasis(degree - 3, degree + 2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -29,7 +29,7 @@ from geodesic_ocp.trajectory.timed_motion import TimedMotion
 _TOLERANCE = 1e-4  # of conditions, each in its scale, and of the cost, relative
 _ROUNDS = 12
 _BISECTIONS = 5
-_COMPARED = 3  # solutions on the first grid, of which the best is refined
+_COMPARED = 2  # solutions on the first grid, of which the best is refined
 _SWINGS = 6  # guesses beside the others
 _ROUNDING = 1e-12  # of the unit of cost
 _INSET = 1e-9  # of the duration of a phase
@@ -61,9 +61,10 @@ def solve_motion(
     at most five times; the conditions hold between the points of the program to the tolerance, each
     in its scale.
 
-    The search starts from the problem's own guess, where it gives one; else from the motion that
-    would be best without the conditions along it, as that often meets them, and then from a spline
-    through what the conditions tell. If neither leads to a solution, swings beside it follow.
+    The search starts from the problem's own guess, where it gives one; else, if conditions hold
+    along the motion, from a spline through what is known and from a swing beside it, of which the
+    better one is refined. If they lead to no solution, the motion that would be best without
+    these conditions follows, and other swings.
 
     Args:
         problem: an instance of a subclass of MotionProblem or MotionPhases.
@@ -87,15 +88,17 @@ def solve_motion(
         raise ValueError("num_starts: other guesses are found only where no guess is given")
     if guess is not None and not isinstance(guess, Motion | TimedMotion):
         raise ValueError(f"guess must be a motion or a solution that is one, got {guess!r}")
+    own = first_guess(definition)
+    given = None if guess is None else _stretched(guess, definition, own, grid is not None)
     search = _MotionSearch(
-        definition=definition,
+        definition=definition.measured(given or own),
         is_given=grid is not None,
         tolerance=_TOLERANCE if tolerance is None else as_positive("tolerance", tolerance),
         ipopt=dict(ipopt or {}),
         callback=callback,
     )
     wanted = as_integer("num_starts", num_starts, 1)
-    best = search.best(guess, wanted)
+    best = search.best(own, given, wanted)
     if throw and not best.stats.success:
         raise NotConverged(_failure(best), best)
     return best
@@ -112,28 +115,30 @@ def _failure(last: MotionSolution) -> str:
     return f"{kind} was not solved: {stats.status}{worst}{told}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _MotionSearch:
-    """A motion problem with everything that stays the same from one guess to the next."""
+    """A motion problem with everything that stays the same from one guess to the next.
+
+    It remembers its programs, which all guesses on the same knots share.
+    """
 
     definition: MotionDefinition
     is_given: bool  # whether the grid is
     tolerance: float
     ipopt: Mapping[str, Any]
     callback: Callback | None
+    programs: dict[bytes, MotionNLP] = field(default_factory=dict)
 
-    def best(self, guess: MotionGuess | None, wanted: int) -> MotionSolution:
+    def best(self, own: _Pieces, given: _Pieces | None, wanted: int) -> MotionSolution:
         """Return the best solution from so many guesses; if there is none, the last iterate.
 
         If one is wanted, and the problem gives no guess, several are compared on the first grid.
         """
-        is_known = guess is not None or self._gives_guess or not self.definition.has_bounds
+        is_known = given is not None or self._gives_guess or not self.definition.has_bounds
         enough = max(wanted, 1 if is_known else _COMPARED)
         tried: list[MotionSolution] = []
-        definitions: list[MotionDefinition] = []
-        for name, pieces in self.starts(guess):
-            definitions.append(self.definition.measured(pieces))
-            one = self._solved(definitions[-1], pieces)
+        for name, pieces in self.starts(own, given):
+            one = self._solved(pieces)
             tried.append(replace(one, stats=replace(one.stats, guess=name)))
             if self._was_ended(one) or sum(each.stats.success for each in tried) >= enough:
                 break
@@ -141,7 +146,7 @@ class _MotionSearch:
         found: list[MotionSolution] = []
         for k in order if not self._was_ended(tried[-1]) else ():
             if tried[k].stats.success:
-                tried[k] = self._refined(definitions[k], tried[k])
+                tried[k] = self._refined(tried[k])
                 found += [tried[k]] * tried[k].stats.success
                 if self._was_ended(tried[k]) or len(found) >= wanted:
                     break
@@ -165,89 +170,61 @@ class _MotionSearch:
         problems = [each.problem for each in self.definition.phases]
         return any(type(each).guess is not MotionProblem.guess for each in problems)
 
-    def starts(self, guess: MotionGuess | None) -> Iterator[tuple[str, _Pieces]]:
-        """Yield motions to start from, with names."""
+    def starts(self, own: _Pieces, given: _Pieces | None) -> Iterator[tuple[str, _Pieces]]:
+        """Yield motions to start from, with names: a given one alone."""
         definition = self.definition
-        if guess is not None:
-            yield "", self._like(guess)
+        if given is not None:
+            yield "", given
             return
-        own = first_guess(definition)
-        if self._gives_guess or not definition.has_bounds:
-            yield "", own
+        yield "", own
+        rng = np.random.default_rng(0)
+        swings = (swung(definition, own, 2 + number // 2, rng) for number in range(_SWINGS))
+        yield "swing 1", next(swings)
         if definition.has_bounds:
             yield "without limits", self._without_bounds(own)
-        if definition.has_bounds and not self._gives_guess:
-            yield "", own
-        rng = np.random.default_rng(0)
-        measured = definition.measured(own)
-        for number in range(_SWINGS):
-            yield f"swing {number + 1}", swung(measured, own, 2 + number // 2, rng)
+        for number, pieces in enumerate(swings, 2):
+            yield f"swing {number}", pieces
 
     def _without_bounds(self, own: _Pieces) -> _Pieces:
-        free = replace(self, definition=self.definition.without_bounds(), callback=None)
-        found = free._solved(free.definition.measured(own), own)
+        definition = self.definition.without_bounds()
+        found = replace(self, definition=definition, callback=None, programs={})._solved(own)
         return found.pieces if found.stats.success else own
 
-    def _like(self, guess: MotionGuess) -> _Pieces:
-        """Return the pieces of a given motion."""
-        own = first_guess(self.definition)
-        n = own[0].knots.shape[1] // 2
-        dim = guess.q.shape[1] if isinstance(guess, Motion) else guess.metric.dim
-        if dim != n:
-            raise ValueError(f"guess has {dim} coordinates, the problem {n}")
-        if isinstance(guess, MotionSolution) and len(guess.pieces) == len(own):
-            shares = guess.durations
-        else:
-            shares = np.array([each.duration for each in own])
-        whole = guess.time[[0, -1]] if isinstance(guess, Motion) else guess.times[[0, -1]]
-        edges = whole[0] + np.ptp(whole) * np.append(0.0, np.cumsum(shares) / shares.sum())
-        found = []
-        start = 0.0
-        for phase, piece, (begin, end) in zip(
-            self.definition.phases, own, pairwise(edges), strict=True
-        ):
-            fractions = piece.fractions
-            if isinstance(guess, MotionSolution) and not self.is_given:
-                inside = (guess.times - begin) / (end - begin)
-                inside = inside[(inside > 0.0) & (inside < 1.0)]
-                fractions = np.unique(np.concatenate([[0.0, 1.0], inside, phase.via_fractions]))
-            inset = np.clip(fractions, _INSET, 1.0 - _INSET)  # at impacts, on the own side
-            at = begin + (end - begin) * inset
-            q = guess(at)
-            v = guess(at, 1)
-            duration = float(np.clip(end - begin, *phase.durations))
-            faster = (end - begin) / duration
-            found.append(_piece(start, duration, fractions, q, faster * v, self.definition))
-            start += duration
-        return tuple(found)
+    def _program(self, pieces: _Pieces) -> MotionNLP:
+        """Return the program of motions with the knots of these."""
+        numbers = [np.concatenate([each.fractions, each.more]) for each in pieces]
+        key = b"|".join(each.tobytes() for each in numbers)
+        if key not in self.programs:
+            self.programs[key] = self.definition.nlp(pieces)
+        return self.programs[key]
 
-    def _solved(
-        self, definition: MotionDefinition, pieces: _Pieces, before: MotionSolution | None = None
-    ) -> MotionSolution:
+    def _solved(self, pieces: _Pieces, before: MotionSolution | None = None) -> MotionSolution:
         """Return the solution on the knots of a motion near to it, or the last iterate.
 
         `before`: solution from which the motion comes.
         """
-        nlp = definition.nlp(pieces)
+        definition = self.definition
+        nlp = self._program(pieces)
         x = definition.reduced(pieces)
-        unit = self._unit(definition, nlp, x)
+        unit = self._unit(nlp, x)
         near = {} if before is None else _NEAR
-        outcome = self._outcome(definition, nlp, x, pieces, unit, near)
+        outcome = self._outcome(nlp, x, pieces, unit, near)
         if outcome.success and outcome.may_be_saddle:  # as from a symmetric guess
             beside = outcome.x + _BESIDE * np.random.default_rng(0).normal(size=x.size)
-            other = self._outcome(definition, nlp, beside, pieces, unit, {})
+            other = self._outcome(nlp, beside, pieces, unit, {})
             if other.success and other.objective < outcome.objective:
                 outcome = other
         stats = None if before is None else before.stats
-        return self._solution(definition, nlp, outcome, pieces, unit, stats)
+        return self._solution(nlp, outcome, pieces, unit, stats)
 
-    def _refined(self, definition: MotionDefinition, first: MotionSolution) -> MotionSolution:
+    def _refined(self, first: MotionSolution) -> MotionSolution:
         """Return the solution on as many segments, with conditions at as many instants, as it takes
         to the tolerance.
         """
+        definition = self.definition
 
         def solve(start: tuple[_Pieces, MotionSolution] | None) -> MotionSolution:
-            return first if start is None else self._solved(definition, *start)
+            return first if start is None else self._solved(*start)
 
         def examine(
             number: int, found: MotionSolution
@@ -293,12 +270,12 @@ class _MotionSearch:
 
         return in_rounds(None, solve, examine, _ROUNDS)
 
-    def _unit(self, definition: MotionDefinition, nlp: MotionNLP, x: Array) -> float:
+    def _unit(self, nlp: MotionNLP, x: Array) -> float:
         """Return the cost of the guess, or of tiny motions where it is smaller.
 
         In this unit, Ipopt's tolerance is relative.
         """
-        has_rate = any(each.has_rate for each in definition.phases)
+        has_rate = any(each.has_rate for each in self.definition.phases)
         tiny = _TINY_OF_RATES if has_rate else _TINY
         beside = x + tiny * np.random.default_rng(0).normal(size=x.size)
         values = [abs(float(nlp.program.functions["nlp"](each, 1.0)[0])) for each in (x, beside)]
@@ -306,7 +283,6 @@ class _MotionSearch:
 
     def _outcome(
         self,
-        definition: MotionDefinition,
         nlp: MotionNLP,
         x: Array,
         pieces: _Pieces,
@@ -315,7 +291,7 @@ class _MotionSearch:
     ) -> Outcome:
         relay = None
         if self.callback is not None:
-            relay = self._relay(definition, nlp, pieces, unit, self.callback)
+            relay = self._relay(nlp, pieces, unit, self.callback)
         lower_g, upper_g = nlp.program.bounds
         lower, upper = nlp.bounds
         return nlp.program.solver({**_IPOPT, **near, **self.ipopt}, relay)(
@@ -327,15 +303,9 @@ class _MotionSearch:
             ubg=upper_g,
         )
 
-    def _relay(
-        self,
-        definition: MotionDefinition,
-        nlp: MotionNLP,
-        pieces: _Pieces,
-        unit: float,
-        callback: Callback,
-    ) -> Relay:
+    def _relay(self, nlp: MotionNLP, pieces: _Pieces, unit: float, callback: Callback) -> Relay:
         """Return what passes every iterate to a function, as a motion."""
+        definition = self.definition
 
         def pass_on(number: int, values: dict[str, ca.DM]) -> object:
             motion = definition.pieces(values["x"].full()[:, 0], pieces)
@@ -352,7 +322,6 @@ class _MotionSearch:
 
     def _solution(
         self,
-        definition: MotionDefinition,
         nlp: MotionNLP,
         outcome: Outcome,
         before: _Pieces,
@@ -360,6 +329,7 @@ class _MotionSearch:
         previous: Stats | None,
     ) -> MotionSolution:
         """Return the motion of a solve, with its statistics after those of previous ones."""
+        definition = self.definition
         pieces = definition.pieces(outcome.x, before)
         at_nodes, name = _worst(nlp, outcome.g)
         found, _ = definition.violations(pieces)
@@ -404,6 +374,41 @@ def first_guess(definition: MotionDefinition) -> _Pieces:
         known = _known(definition, number, found[-1] if found else None)
         found.append(_first_piece(phase, definition, start, known))
         start += phase.duration
+    return tuple(found)
+
+
+def _stretched(
+    guess: MotionGuess, definition: MotionDefinition, own: _Pieces, is_given: bool
+) -> _Pieces:
+    """Return the pieces of a given motion, on the knots of another one, or of a solution if the
+    grid is not given.
+    """
+    n = own[0].knots.shape[1] // 2
+    dim = guess.q.shape[1] if isinstance(guess, Motion) else guess.metric.dim
+    if dim != n:
+        raise ValueError(f"guess has {dim} coordinates, the problem {n}")
+    if isinstance(guess, MotionSolution) and len(guess.pieces) == len(own):
+        shares = guess.durations
+    else:
+        shares = np.array([each.duration for each in own])
+    whole = guess.time[[0, -1]] if isinstance(guess, Motion) else guess.times[[0, -1]]
+    edges = whole[0] + np.ptp(whole) * np.append(0.0, np.cumsum(shares) / shares.sum())
+    found = []
+    start = 0.0
+    for phase, piece, (begin, end) in zip(definition.phases, own, pairwise(edges), strict=True):
+        fractions = piece.fractions
+        if isinstance(guess, MotionSolution) and not is_given:
+            inside = (guess.times - begin) / (end - begin)
+            inside = inside[(inside > 0.0) & (inside < 1.0)]
+            fractions = np.unique(np.concatenate([[0.0, 1.0], inside, phase.via_fractions]))
+        inset = np.clip(fractions, _INSET, 1.0 - _INSET)  # at impacts, on the own side
+        at = begin + (end - begin) * inset
+        q = guess(at)
+        v = guess(at, 1)
+        duration = float(np.clip(end - begin, *phase.durations))
+        faster = (end - begin) / duration
+        found.append(_piece(start, duration, fractions, q, faster * v, definition))
+        start += duration
     return tuple(found)
 
 
