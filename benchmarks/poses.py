@@ -6,7 +6,6 @@ import argparse
 import sys
 import time
 import warnings
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from geodesic_ocp.retargeting.candidates import first_candidates
 from geodesic_ocp.retargeting.free_geodesics import to_pose
 from geodesic_ocp.retargeting.paired_arm import Pose, nearest_configurations, with_narrowed_limits
 from geodesic_ocp.retargeting.settings import Formulation
-from geodesic_ocp.retargeting.synergy_paths import SynergyPaths
+from geodesic_ocp.retargeting.synergy_paths import plan_synergies
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
@@ -107,8 +106,9 @@ def by_the_program(
         weights=settings.pose_weights,
     )
     first, last = first_candidates(waypoints)
-    problem = SynergyPaths((waypoints,), ((first, last),), likeness=0.0, tolerance=TOLERANCE)
-    planned: Any = go.solve(problem, throw=False)
+    planned = plan_synergies(
+        [waypoints], [(first, last)], likeness=0.0, tolerance=TOLERANCE, throw=False
+    )
     ((path,),) = planned.paths
     return Transfer(
         path,

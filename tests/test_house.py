@@ -127,19 +127,19 @@ CEILINGS = {
     "logarithm": Size(nodes=13517, nodes_per_line=7.05, packed=0, constants=83),
     "manifold": Size(nodes=9929, nodes_per_line=7.39, packed=0, constants=23),
     "model": Size(nodes=32747, nodes_per_line=7.86, packed=3, constants=41),
-    "ocp": Size(nodes=39404, nodes_per_line=7.39, packed=1, constants=171),
+    "ocp": Size(nodes=39386, nodes_per_line=7.4, packed=1, constants=171),
     "recordings": Size(nodes=36799, nodes_per_line=7.12, packed=3, constants=98),
-    "retargeting": Size(nodes=30835, nodes_per_line=7.29, packed=2, constants=141),
+    "retargeting": Size(nodes=31025, nodes_per_line=7.24, packed=2, constants=141),
     "studies": Size(nodes=17065, nodes_per_line=6.37, packed=0, constants=18),
     "synergies": Size(nodes=13486, nodes_per_line=7.31, packed=0, constants=27),
     "trajectory": Size(nodes=19979, nodes_per_line=7.81, packed=0, constants=55),
 }
 NAMES_ON_TOP = 55
 PUBLIC_NAMES = 174
-PARAMETERS = 533  # of public functions
+PARAMETERS = 546  # of public functions
 PARAMETERS_OF_ONE = 20
 OPTIONS = 264  # of all commands
-WORDS = 50423  # of README, CONTRIBUTING and the guides
+WORDS = 50412  # of README, CONTRIBUTING and the guides
 
 
 def test_rooms_do_not_grow() -> None:

@@ -27,7 +27,6 @@ OF_A_RETARGETING = {
     go.retargeting.Retargeting,
     go.retargeting.RetargetedArm,
     SynergyGroup,
-    go.retargeting.SynergyPaths,
 }
 # And these in test_reprs.py of execution, test_fit_markers_recording.py and test_fit_cost.py.
 ALONE = {
@@ -37,7 +36,7 @@ ALONE = {
     go.recordings.MarkerSet,
 }
 ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES | ALONE
-ABSTRACT = {go.Metric, go.MotionProblem, go.Problem}
+ABSTRACT = {go.Metric, go.MotionProblem, go.Problem, go.ocp.MotionPhases}
 NEEDS_A_NOTEBOOK = {go.drawing.LivePlot}
 
 

@@ -27,7 +27,7 @@ from geodesic_ocp.retargeting.paths_program import (
     places_at,
     positions_at,
 )
-from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
+from geodesic_ocp.retargeting.synergy_paths import ArmProblem, PlannedPaths, plan_synergies
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 
 CONFIGURATIONS = np.array(
@@ -74,10 +74,7 @@ def waypoints(arm: go.Model) -> ArmWaypoints:
 
 
 def planned(*arms: ArmWaypoints, clearance: Clearance | None = None) -> PlannedPaths:
-    found: PlannedPaths = go.solve(
-        SynergyPaths(arms, clearance=clearance, likeness=0.0), throw=False
-    )
-    return found
+    return plan_synergies(arms, clearance=clearance, likeness=0.0, throw=False)
 
 
 @pytest.fixture(scope="module")
@@ -92,18 +89,17 @@ def speed_limited(waypoints: ArmWaypoints) -> ArmWaypoints:
     return replace(waypoints, limits=JointLimits(np.full(7, 1.0), none, none, none))
 
 
-class WithConditions(SynergyPaths):
-    """The hand stays on one side of a plane, and moving the first joint costs more."""
+def dear_first_joint(arm: go.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Moving it costs more."""
+    return 0.1 * v[0] ** 2 * (1.0 + q[1] ** 2)
 
-    lowest = -np.inf  # [m]
 
-    def constraints(self, q: ca.SX, v: ca.SX) -> list[Any]:
-        distance = ca.dot(DIRECTION, self.model.hand_pose(q)[1])
-        own = [(self.lowest, distance, np.inf), (-9.0, ca.dot(v, v), 1e4)]
-        return [*super().constraints(q, v), *own]
-
-    def cost(self, q: ca.SX, v: ca.SX) -> ca.SX:
-        return 0.1 * v[0] ** 2 * (1.0 + q[1] ** 2)
+def beyond_plane(
+    lowest: float, arm: go.Model, q: ca.SX, v: ca.SX
+) -> list[tuple[float, ca.SX, float]]:
+    """The hand stays on one side of it."""
+    distance = ca.dot(DIRECTION, arm.hand_pose(q)[1])
+    return [(lowest, distance, np.inf), (-9.0, ca.dot(v, v), 1e4)]
 
 
 @pytest.mark.slow
@@ -114,7 +110,7 @@ def test_derivatives_are_those_of_the_program(waypoints: ArmWaypoints) -> None:
     )
     part = ArmPart.evenly(
         given,
-        WithConditions((given,)).definition(),
+        ArmProblem(given, dear_first_joint, partial(beyond_plane, -np.inf)).definition(),
         np.array([0.0, 0.0, 50.0]),
         1,
         3,
@@ -377,7 +373,7 @@ def test_paths_may_start_with_the_distances_that_were_too_small() -> None:
 
 
 def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoints) -> None:
-    definition = SynergyPaths((waypoints,)).definition()
+    definition = ArmProblem(waypoints).definition()
     part = ArmPart.evenly(waypoints, definition, np.zeros(3), 2, 5)
     rng = np.random.default_rng(3)
     nodes = rng.standard_normal((part.grid.size, 7))
@@ -401,27 +397,29 @@ def test_a_small_error_may_save_a_detour() -> None:
 
 
 @pytest.mark.slow
-def test_a_subclass_adds_constraints_and_costs(
-    waypoints: ArmWaypoints, found: PlannedPaths, arm: go.Model, monkeypatch: pytest.MonkeyPatch
+def test_functions_add_constraints_and_costs(
+    waypoints: ArmWaypoints, found: PlannedPaths, arm: go.Model
 ) -> None:
     def lowest(planned: PlannedPaths) -> float:
         curves = [path(np.linspace(0.0, 1.0, 201)) for path in planned.paths[0]]
         return float((arm.hand_pose(np.concatenate(curves))[1] @ DIRECTION).min())
 
-    check_reprs([WithConditions((waypoints,))])
-    free: PlannedPaths = go.solve(WithConditions((waypoints,), likeness=0.0))
+    free = plan_synergies([waypoints], likeness=0.0, cost=dear_first_joint)
+    check_reprs([free.program])
     assert free.action > found.action
     ends = [path.nodes[k] for path in found.paths[0] for k in (0, -1)]
     bound = float((arm.hand_pose(np.array(ends))[1] @ DIRECTION).min()) - 1e-3
     assert lowest(free) < bound - 1e-3
-    monkeypatch.setattr(WithConditions, "lowest", bound)
-    kept: PlannedPaths = go.solve(WithConditions((waypoints,), likeness=0.0))
+    kept = plan_synergies(
+        [waypoints],
+        likeness=0.0,
+        cost=dear_first_joint,
+        constraints=partial(beyond_plane, bound),
+    )
     assert lowest(kept) >= bound - 2e-6
     assert kept.action > free.action
 
 
-def test_what_solve_does_not_take_is_named(waypoints: ArmWaypoints) -> None:
-    with pytest.raises(ValueError, match="program of its own, without tolerance"):
-        go.solve(SynergyPaths((waypoints,)), tolerance=1e-3)
+def test_arms_must_be_given() -> None:
     with pytest.raises(ValueError, match="arms must be at least one"):
-        SynergyPaths(())
+        plan_synergies([])

@@ -272,7 +272,7 @@ def test_a_late_motion_is_planned_with_more_weight_of_time_if_that_is_quicker(
     usual = go.retarget(analysis, robot, settings=chosen, **given)
     assert usual.stretch > 1.05 > found.stretch
     assert found.success
-    weights = [each.paths.problem.stretch for each in (usual, found)]
+    weights = [each.paths.program.stretch for each in (usual, found)]
     assert weights == pytest.approx([chosen.stretch_weight, 10.0 * chosen.stretch_weight])
 
 

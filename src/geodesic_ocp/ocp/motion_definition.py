@@ -18,7 +18,7 @@ import scipy.sparse
 from numpy.polynomial.legendre import leggauss
 from scipy.interpolate import CubicHermiteSpline
 
-from geodesic_ocp.arrays import Array, as_expression, as_number, as_positive
+from geodesic_ocp.arrays import Array, ShortRepr, as_expression, as_number, as_positive
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.cells import Indices
 from geodesic_ocp.manifold.metric import Metric, as_metric, speeds_at
@@ -41,8 +41,8 @@ _CONSTANT = 1e-9  # violation by a row that no motion changes
 _SAMPLES = 12  # of a segment, at which constraints are examined
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
+@dataclass(frozen=True, eq=False, repr=False)
+class Piece(ShortRepr):
     """The motion of one phase, polynomials of its time.
 
     Attributes:
@@ -59,6 +59,7 @@ class Piece:
     knots: Array
     coefficients: Array
     more: Array
+    _shown = ("start", "duration")
 
     @property
     def times(self) -> Array:

@@ -29,8 +29,8 @@ _BALANCE = 1e-5
 _ACTIVE = 1e-6
 
 
-@dataclass(frozen=True)
-class MotionNumbers:
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionNumbers(ShortRepr):
     """What defines the last program of a solve, besides its problem and its knots.
 
     Attributes:
@@ -48,6 +48,7 @@ class MotionNumbers:
     unit: float
     lam_x: Array
     lam_g: Array
+    _shown = ("degree", "sizes", "durations", "unit")
 
 
 @dataclass(frozen=True)

@@ -430,13 +430,6 @@ class Problem(ABC):
         # The metric may depend on a parameter, which then changes the NLP after all.
         return tuple(key_of(value) for value in (self.metric, *others))
 
-    def solved(self) -> Any:
-        """Return the result of a class that has a program of its own, with `success` and `status`.
-
-        Other classes leave this method alone: `solve` transcribes them.
-        """
-        return None
-
     def exact(self, s: Array) -> Array | None:
         """Return the solution in closed form at s, (len(s), n), or None if it is not known."""
         return None

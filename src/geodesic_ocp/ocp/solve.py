@@ -133,16 +133,6 @@ def solve(
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
         raise ValueError(f"{type(problem).__name__} defines no metric")
-    if type(problem).solved is not Problem.solved:
-        given = [name for name, value in options.items() if value not in (None, 1)]
-        if given:
-            kind = type(problem).__name__
-            raise ValueError(f"{kind} is solved by a program of its own, without {given[0]}")
-        own = problem.solved()
-        if throw and not own.success:
-            raise NotConverged(f"{type(problem).__name__} was not solved: {own.status}", own)
-        found: Solution = own
-        return found
     if not isinstance(guess, Path | Solution | None):
         raise ValueError(f"guess must be a Path or a Solution, got {guess!r}")
     definition = problem.definition()

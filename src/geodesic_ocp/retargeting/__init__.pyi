@@ -11,4 +11,4 @@ from .reachability import reachability as reachability
 from .result import Retargeting as Retargeting
 from .retarget import retarget_arms as retarget_arms
 from .settings import RetargetingSettings as RetargetingSettings
-from .synergy_paths import SynergyPaths as SynergyPaths
+from .synergy_paths import plan_synergies as plan_synergies

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,6 @@ from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits, usable_torque
 from geodesic_ocp.execution.plan_trajectory import plan_trajectory
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.retargeting.arm_alignment import Alignment
 from geodesic_ocp.retargeting.arm_result import (
@@ -49,7 +48,12 @@ from geodesic_ocp.retargeting.settings import (
     motion_clearance,
     of_trajectory,
 )
-from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
+from geodesic_ocp.retargeting.synergy_paths import (
+    ArmConstraints,
+    ArmCost,
+    PlannedPaths,
+    plan_synergies,
+)
 from geodesic_ocp.retargeting.waypoints import ArmWaypoints, arm_waypoints
 from geodesic_ocp.synergies.analyse import Analysis
 
@@ -79,7 +83,8 @@ def retarget(
     rate: float = _RATE,
     tolerance: float = _TOLERANCE,
     settings: RetargetingSettings = _DEFAULT,
-    problem: type[SynergyPaths] = SynergyPaths,
+    cost: ArmCost | None = None,
+    constraints: ArmConstraints | None = None,
     throw: bool = True,
     progress: Progress | None = None,
 ) -> Retargeting:
@@ -88,7 +93,7 @@ def retarget(
     Short synergies are dropped and small ones merged (`merge_synergies`). The hand's poses at the
     ends of the remaining ones, relative to the shoulder and scaled by the ratio of the arms'
     lengths, are mapped to the robot (`Alignment`). Paths of least energy between these poses are
-    found for all synergies at once (`SynergyPaths`). Along them, the robot's trajectory has
+    found for all synergies at once (`plan_synergies`). Along them, the robot's trajectory has
     continuous accelerations, meets the limits of the joints, and takes more time than the person
     only where these require it (`plan_trajectory`).
 
@@ -120,8 +125,8 @@ def retarget(
             person's time, or a synergy 2.5 times, to where it is quicker. If it misses poses, is
             slow or fails there as well, and its arm is longer than the person's, positions are not
             scaled.
-            Obstacles, in the frame of the base, move with it. Not if a start or a problem of one's
-            own is given.
+            Obstacles, in the frame of the base, move with it. Not if a start, a cost or constraints
+            are given.
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -129,8 +134,8 @@ def retarget(
         rate: rate of the trajectory [Hz].
         tolerance: tolerance of limits and poses on the paths, each in its unit, see `solve`.
         settings: everything else.
-        problem: problem whose paths they are; a subclass of `SynergyPaths` may add costs and
-            constraints.
+        cost, constraints: functions of a model, its joints q and v = q'(s) that add to the energy
+            and to the limits of the joints along the paths, see `plan_synergies`.
         throw: raise if the paths or the trajectory are not found; else the last iterates are
             returned, and the result says so (`Retargeting.success`).
         progress: called with the current step, the amount done and the total.
@@ -160,7 +165,8 @@ def retarget(
         rate=rate,
         tolerance=tolerance,
         settings=settings,
-        problem=problem,
+        cost=cost,
+        constraints=constraints,
         throw=throw,
         progress=progress,
     )
@@ -178,7 +184,8 @@ def retarget_arms(
     rate: float = _RATE,
     tolerance: float = _TOLERANCE,
     settings: RetargetingSettings = _DEFAULT,
-    problem: type[SynergyPaths] = SynergyPaths,
+    cost: ArmCost | None = None,
+    constraints: ArmConstraints | None = None,
     throw: bool = True,
     progress: Progress | None = None,
 ) -> Retargeting:
@@ -207,7 +214,7 @@ def retarget_arms(
         robots: as many arms.
         alignments, person_alignments, starts, limits: as many, or None for the defaults; see
             `retarget`.
-        rate, tolerance, settings, problem, throw, progress: see `retarget`.
+        rate, tolerance, settings, cost, constraints, throw, progress: see `retarget`.
 
     Warns, Raises:
         See `retarget`.
@@ -216,17 +223,15 @@ def retarget_arms(
     report = progress or no_progress
     tolerance = as_positive("tolerance", tolerance)
     rate = as_positive("rate", rate, "Hz")
-    if not (isinstance(problem, type) and issubclass(problem, SynergyPaths)):
-        raise ValueError(f"problem must be SynergyPaths or a subclass of it, got {problem!r}")
     pairs = paired_arms(analyses, robots, alignments, person_alignments, limits, starts, settings)
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
-    plan = _Plan(clearance, rate, tolerance, throw, report)
+    plan = _Plan(clearance, rate, tolerance, throw, report, cost, constraints)
     if settings.constrained:
         bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]
-        movable = len(bodies) == 1 and problem is SynergyPaths
+        movable = len(bodies) == 1 and cost is None and constraints is None
         movable &= settings.position_weight > 0.0
         movable &= all(each is None for given in (alignments, starts) for each in given or ())
-        found = plan.of_robot(bodies[0]) if movable else plan.constrained(pairs, problem)
+        found = plan.of_robot(bodies[0]) if movable else plan.constrained(pairs)
         result, notes = plan.hurried(*found)
     else:
         result, notes = plan.geodesic(pairs)
@@ -270,6 +275,8 @@ class _Plan:
     tolerance: float
     throw: bool
     report: Progress
+    cost: ArmCost | None = None
+    constraints: ArmConstraints | None = None
 
     def of_robot(self, pair: PairedArm) -> tuple[Retargeting, list[str]]:
         """Return the motion of one robot, moved if need be; where it is too slow or fails all the
@@ -308,7 +315,7 @@ class _Plan:
         found = None
         failure = None
         try:
-            found = self.constrained(list(pair.of_hands), SynergyPaths, [grasps])
+            found = self.constrained(list(pair.of_hands), [grasps])
         except NotConverged as error:
             failure = error
         if found is not None and not found[0].motion_faults and _slowness(found[0]) <= 1.0:
@@ -328,7 +335,7 @@ class _Plan:
 
     def _at(self, pair: PairedArm, placement: BasePlacement) -> tuple[Retargeting, list[str]]:
         """Return the motion from another place."""
-        result, notes = self.constrained(list(pair.of_hands), SynergyPaths, None, placement)
+        result, notes = self.constrained(list(pair.of_hands), None, placement)
         them = ", with its obstacles" if pair.settings.obstacles else ""
         note = (
             f"{pair.robot.name} is moved{them}, as {placement.reason}: {placement}. To keep it "
@@ -339,7 +346,6 @@ class _Plan:
     def constrained(
         self,
         pairs: list[PairedArm],
-        problem: type[SynergyPaths],
         grasps: list[list[_Grasp]] | None = None,
         placement: BasePlacement | None = None,
     ) -> tuple[Retargeting, list[str]]:
@@ -347,16 +353,26 @@ class _Plan:
         settings = pairs[0].settings
         clearance = self.clearance
         bodies = list({pair.body: pair for pair in reversed(pairs)}.values())[::-1]  # the first
-        weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
         kept = None if clearance is None else replace(clearance, lower=clearance.lower + BEYOND)
         grasps = grasps or [_grasps(pair, self.tolerance) for pair in bodies]
         found: list[tuple[PlannedPaths, list[_Grasp]]] = []
         for left in reversed(range(max(map(len, grasps)))):  # others, if this one misses a pose
             chosen = [each[max(len(each) - 1 - left, 0)] for each in grasps]
             arms, candidates = (tuple(each) for each in list(zip(*chosen, strict=True))[1:])
-            motion: Any = problem(arms, candidates, kept, *weights, self.tolerance, self.report)
-            throw = self.throw and not left and not any(each.success for each, _ in found)
-            found.append((solve(motion, throw=throw), chosen))
+            planned = plan_synergies(
+                arms,
+                candidates,
+                clearance=kept,
+                stretch=settings.stretch_weight,
+                posture=settings.posture_weight,
+                likeness=settings.likeness_weight,
+                tolerance=self.tolerance,
+                cost=self.cost,
+                constraints=self.constraints,
+                throw=self.throw and not left and not any(each.success for each, _ in found),
+                progress=self.report,
+            )
+            found.append((planned, chosen))
             if _rank(found[-1][0]) < (False, 1):
                 break
         paths, chosen = min(found, key=lambda each: _rank(each[0]))
@@ -373,13 +389,13 @@ class _Plan:
         """
         if result.paths is None or result.is_wanting or result.stretch <= _LATE:
             return result, notes
-        given = result.paths.problem
+        given = result.paths.program
         arms = result.arms
         bodies = result.bodies
-        problem: Any = replace(given, stretch=_HURRY * given.stretch)
-        if problem.least_time() > _QUICKER * given.least_time():
+        hurried = replace(given, stretch=_HURRY * given.stretch)
+        if hurried.least_time() > _QUICKER * given.least_time():
             return result, notes
-        paths = solve(problem, throw=False)
+        paths = hurried.planned()
         far = [arm.out_of_reach for arm in arms]
         transfers = [transfers_on(arm, paths, each) for arm, each in zip(arms, far, strict=True)]
         placed = paths, arms[0].placement

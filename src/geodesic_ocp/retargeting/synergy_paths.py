@@ -1,4 +1,4 @@
-"""Synergies of a motion on robots as a problem: paths of least energy through the hand's poses.
+"""Synergies of a motion on robots: paths of least energy through the hand's poses, all at once.
 
 `paths_program` has the nonlinear program, which is solved in rounds: on grids that resolve the
 paths, then with the distances that were too small, at the instants at which they were.
@@ -6,9 +6,9 @@ paths, then with the distances that were too small, at the instants at which the
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import in_rounds
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.clearance import Clearance, active_rows, joined_clearance
 from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
@@ -65,12 +66,133 @@ Rows = Mapping[tuple[int, float], float]
 _Lacking: TypeAlias = tuple[tuple[str, float, float], ...]
 
 
+# Of a model, its joints q and v = q'(s), s from 0 to 1 over the time in which the arm moves.
+ArmCost: TypeAlias = Callable[[Model, ca.SX, ca.SX], Any]
+ArmConstraints: TypeAlias = Callable[[Model, ca.SX, ca.SX], Sequence[Inequality]]
+
+
+def plan_synergies(
+    arms: Sequence[ArmWaypoints],
+    candidates: Sequence[tuple[Candidates, ...]] | None = None,
+    *,
+    clearance: Clearance | None = None,
+    stretch: float = 5.0,
+    posture: float = 0.0,
+    likeness: float = 30.0,
+    tolerance: float = 1e-6,
+    cost: ArmCost | None = None,
+    constraints: ArmConstraints | None = None,
+    throw: bool = True,
+    progress: Progress | None = None,
+) -> PlannedPaths:
+    """Plan paths of arms through the poses of a person's hand, all of a motion at once.
+
+    Minimized are the action of all paths, the time that the limits on speed add, and terms of
+    posture and of likeness to the person, over the paths and over the configurations in which they
+    meet.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+    >>> reach = go.Motion(motion.time[270:430], motion.q[270:430], motion.joint_names)
+    >>> robot = go.human_arm("left", height=1.95)
+    >>> limits = go.execution.joint_limits(robot, velocity=8.0)  # [rad/s]
+    >>> found = go.retarget(go.analyse(arm, reach), robot, limits=limits, tolerance=1e-3)
+    >>> slow_wrist = lambda model, q, v: 0.1 * v[6] ** 2
+    >>> again = go.retargeting.plan_synergies(found.paths.program.arms, cost=slow_wrist)
+    >>> again.success
+    True
+
+    Args:
+        arms: waypoints of each arm, as `retarget` makes them of a person's synergies.
+        candidates: for each arm, configurations at each waypoint; None: those that attain its pose.
+        clearance: distances to be kept; None: none.
+        stretch, posture, likeness: weights, see `RetargetingSettings`.
+        tolerance: tolerance of limits and constraints between the nodes, each in its unit.
+        cost: running cost that is added to the energy: a function of the model of an arm, its
+            joints q and v = q'(s), called for each arm; s goes from 0 to 1 over the time in which
+            it moves.
+        constraints: likewise a function that returns bounds (lower, expression, upper[, name]) in
+            addition to the limits of the joints.
+        throw: raise NotConverged if there are no such paths; else the result says so.
+        progress: called with the current step, the amount done and the total.
+
+    Raises:
+        ValueError: an argument is malformed.
+        NotConverged: the program was not solved; its `solution` has the last iterate.
+    """
+    program = SynergyPaths(
+        arms=tuple(arms),
+        candidates=None if candidates is None else tuple(candidates),
+        clearance=clearance,
+        stretch=stretch,
+        posture=posture,
+        likeness=likeness,
+        tolerance=tolerance,
+        cost=cost,
+        constraints=constraints,
+        progress=progress,
+    )
+    found = program.planned()
+    if throw and not found.success:
+        raise NotConverged(f"the synergies were not planned: {found.status}", found)
+    return found
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class PlannedPaths(ShortRepr):
-    """The solution of `SynergyPaths`.
+class ArmProblem(Problem):
+    """The energy of an arm, and what holds along its paths besides their ends.
 
     Attributes:
-        problem: problem that was solved.
+        waypoints: of the arm.
+        own_cost, own_constraints: the user's.
+    """
+
+    waypoints: ArmWaypoints
+    own_cost: ArmCost | None = None
+    own_constraints: ArmConstraints | None = None
+
+    @property
+    def metric(self) -> KineticEnergy:  # type: ignore[override]
+        """Kinetic energy of the arm."""
+        return metric_of(self.waypoints.arm)
+
+    @property
+    def structure(self) -> Hashable | None:
+        """Problems without costs and constraints of their own share the derivatives of energy."""
+        is_plain = self.own_cost is None and self.own_constraints is None
+        return key_of(self.metric) if is_plain else None
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
+        """Return the configuration to begin in, if one is given."""
+        start = self.waypoints.start
+        return [] if start is None else [(q0, start, "start")]
+
+    def cost(self, q: ca.SX, v: ca.SX) -> Any:
+        """Return the user's running cost."""
+        return 0.0 if self.own_cost is None else self.own_cost(self.waypoints.arm, q, v)
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
+        """Return limits of the joints, and the user's constraints."""
+        given = self.waypoints
+        found: list[Inequality] = []
+        if given.limited:
+            lower, upper = given.path_limits
+            if given.start is not None:
+                lower = np.minimum(lower, given.start)
+                upper = np.maximum(upper, given.start)
+            found.append((lower, q, upper, "joint limits"))
+        own = self.own_constraints
+        return found if own is None else [*found, *own(given.arm, q, v)]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlannedPaths(ShortRepr):
+    """Paths that `plan_synergies` has planned.
+
+    Attributes:
+        program: what was planned.
         paths: paths of the movements of each arm.
         within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
             nor with links too near each other.
@@ -88,7 +210,7 @@ class PlannedPaths(ShortRepr):
             each with by how much [m], and the time in the recording [s].
     """
 
-    problem: SynergyPaths
+    program: SynergyPaths
     paths: tuple[tuple[Path, ...], ...]
     within_reach: tuple[tuple[bool, ...], ...]
     near_misses: tuple[tuple[bool, ...], ...]
@@ -106,17 +228,8 @@ class PlannedPaths(ShortRepr):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SynergyPaths(ShortRepr, Problem):
-    """Paths of arms through the poses of a person's hand, all of a motion at once.
-
-    Minimized are the action of all paths, the time that the limits on speed add, and terms of
-    posture and of likeness to the person, over the paths and over the configurations in which they
-    meet. `go.solve` takes it and returns `PlannedPaths`.
-
-    `retarget` makes one of a person's synergies and a robot: `Retargeting.paths.problem` is what it
-    solved. A subclass may add a running `cost(q, v)` to the energy and `constraints(q, v)` to the
-    limits of the joints. They are built for one arm after the other, whose `model` it is and whose
-    joints q are; v = q'(s), and s goes from 0 to 1 over the time in which the arm moves.
+class SynergyPaths(ShortRepr):
+    """What `plan_synergies` plans: its arguments.
 
     Attributes:
         arms: waypoints of each.
@@ -125,6 +238,7 @@ class SynergyPaths(ShortRepr, Problem):
         clearance: distances to be kept; None: none.
         stretch, posture, likeness: weights, see `RetargetingSettings`.
         tolerance: tolerance of limits and constraints between the nodes, each in its unit.
+        cost, constraints: the user's own, see `plan_synergies`.
         progress: called with the current step, the amount done and the total.
     """
 
@@ -135,6 +249,8 @@ class SynergyPaths(ShortRepr, Problem):
     posture: float = 0.0
     likeness: float = 30.0
     tolerance: float = 1e-6
+    cost: ArmCost | None = None
+    constraints: ArmConstraints | None = None
     progress: Progress | None = None
     _shown = ("clearance", "stretch", "posture", "likeness", "tolerance")
 
@@ -145,40 +261,11 @@ class SynergyPaths(ShortRepr, Problem):
         if not arms:
             raise ValueError("arms must be at least one, got none")
 
-    @property
-    def model(self) -> Model:
-        """The arm, or the first of several."""
-        return self.arms[0].arm
+    def of_arm(self, number: int) -> ArmProblem:
+        """Return the energy of one arm and the conditions along its paths."""
+        return ArmProblem(self.arms[number], self.cost, self.constraints)
 
-    @property
-    def metric(self) -> KineticEnergy:  # type: ignore[override]
-        """Kinetic energy of the arm, or of the first of several."""
-        return metric_of(self.model)
-
-    @property
-    def structure(self) -> Hashable | None:
-        """Problems without costs and constraints of their own share the derivatives of energy."""
-        own = type(self)
-        is_plain = own.cost is Problem.cost and own.constraints is SynergyPaths.constraints
-        return key_of(self.metric) if is_plain else None
-
-    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """Return the configuration to begin in, if one is given."""
-        start = self.arms[0].start
-        return [] if start is None else [(q0, start, "start")]
-
-    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
-        """Return limits of the joints."""
-        given = self.arms[0]
-        if not given.limited:
-            return []
-        lower, upper = given.path_limits
-        if given.start is not None:
-            lower = np.minimum(lower, given.start)
-            upper = np.maximum(upper, given.start)
-        return [(lower, q, upper, "joint limits")]
-
-    def solved(self) -> PlannedPaths:
+    def planned(self) -> PlannedPaths:
         """Return the best solution, from straight lines between configurations with the poses.
 
         These are the shortest path through the candidates of each arm. If links cannot be moved
@@ -256,7 +343,7 @@ class SynergyPaths(ShortRepr, Problem):
         """Yield straight lines between the best configurations, and between those that keep
         distances.
         """
-        definitions = [replace(self, arms=(arm,)).definition() for arm in self.arms]
+        definitions = [self.of_arm(number).definition() for number in range(len(self.arms))]
         before: list[Array] = []
         for clearance in dict.fromkeys((None, self.clearance)):
             parts = []
@@ -432,13 +519,13 @@ def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> N
 
 
 def _planned(
-    problem: SynergyPaths, iterate: _Iterate, lacking: _Lacking, rounds: _Rounds, iterations: int
+    program: SynergyPaths, iterate: _Iterate, lacking: _Lacking, rounds: _Rounds, iterations: int
 ) -> PlannedPaths:
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
     longer = np.zeros(rounds.edges.size - 1) if iterate.longer is None else iterate.longer
     _, q = _positions(iterate)
     return PlannedPaths(
-        problem=problem,
+        program=program,
         paths=tuple(tuple(part.paths(each)) for part, each in pairs),
         within_reach=tuple(tuple((part.missed == 0.0).tolist()) for part in iterate.parts),
         near_misses=tuple(tuple(each.tolist()) for each in iterate.near_misses),
