@@ -42,9 +42,7 @@ class _Stretch(go.MotionProblem):
 
 @dataclass(frozen=True)
 class PickUp(go.ocp.MotionPhases):
-    """From a hanging arm to a weight on a table, and with it onto a shelf; each phase takes the
-    time that is best.
-    """
+    """From a hanging arm to a weight on a table, and with it onto a shelf, each in the best time."""
 
     arm: go.Model = field(default_factory=hanging_arm)
     table: tuple[float, float] = (0.45, -0.35)  # y and z [m], from the shoulder
