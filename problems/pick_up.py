@@ -42,7 +42,7 @@ class _Stretch(go.MotionProblem):
 
 @dataclass(frozen=True)
 class PickUp(go.ocp.MotionPhases):
-    """From a hanging arm to a weight on a table, and with it onto a shelf, each in the best time."""
+    """From a hanging arm to a weight on a table, and with it onto a shelf, in the best times."""
 
     arm: go.Model = field(default_factory=hanging_arm)
     table: tuple[float, float] = (0.45, -0.35)  # y and z [m], from the shoulder
