@@ -26,7 +26,6 @@ ARGUMENTS = (
     "--disable-sync",
 )
 NO_WEBGL = ("--disable-gpu", "--disable-3d-apis")
-SCALE = 0.75  # pixels of a picture in place of one of the page: half of the work
 WIDTH = 720  # of the window [px], in which two panes are side by side
 BODY = 0.25  # by how much bodies differ from the background at least; lines of the floor less
 
@@ -118,7 +117,6 @@ def opened(
     """
     context = browser.new_context(
         viewport={"width": width, "height": height},
-        device_scale_factor=SCALE,
         java_script_enabled=javascript,
         offline=True,
     )
@@ -141,9 +139,7 @@ def pictures(page: Any, selector: str) -> list[np.ndarray]:
     boxes = [element.bounding_box() for element in page.locator(selector).all()]
     found = []
     for box in boxes:
-        left, top, width, height = (
-            round(SCALE * box[name]) for name in ("x", "y", "width", "height")
-        )
+        left, top, width, height = (round(box[name]) for name in ("x", "y", "width", "height"))
         found.append(screen[top : top + height, left : left + width])
     return found
 

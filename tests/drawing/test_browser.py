@@ -119,7 +119,7 @@ def test_every_kind_is_drawn_and_moves(
         assert changed_fraction(at_start[index], halfway[index]) > 0.002
         assert changed_fraction(without[index], halfway[index], BODY) > 0.02
         for role in {trail.role for trail in scene.trails if trail.layer == "hand path"}:
-            assert hue_fraction(halfway[index], ROLES[role]["color"]) > 3e-5
+            assert hue_fraction(halfway[index], ROLES[role]["color"]) > 1e-4
 
 
 def test_plays_at_any_speed_pauses_and_loops(browser: Any, file: File) -> None:
@@ -128,23 +128,23 @@ def test_plays_at_any_speed_pauses_and_loops(browser: Any, file: File) -> None:
         page.clock.pause_at(1_000_000)
         ask(page, "viewer.play()")
         assert ask(page, "viewer.time") == 0.0
-        page.clock.run_for(100)  # [ms]; a path takes 4 s
-        assert ask(page, "viewer.time") == near(0.025, 0.01)
+        page.clock.run_for(200)  # [ms]; a path takes 4 s
+        assert ask(page, "viewer.time") == near(0.05, 0.01)
         page.get_by_label("speed").select_option("2")
-        page.clock.run_for(100)
-        assert ask(page, "viewer.time") == near(0.075, 0.01)
+        page.clock.run_for(200)
+        assert ask(page, "viewer.time") == near(0.15, 0.01)
         page.get_by_role("button", name="pause").click()
-        page.clock.run_for(100)
-        assert ask(page, "viewer.time") == near(0.075, 0.01)
+        page.clock.run_for(200)
+        assert ask(page, "viewer.time") == near(0.15, 0.01)
         assert not ask(page, "viewer.playing")
-        ask(page, "viewer.seek(0.975)")
+        ask(page, "viewer.seek(0.95)")
         page.get_by_label("loop").check()
         page.get_by_role("button", name="play").click()
-        page.clock.run_for(100)
-        assert ask(page, "viewer.time") == near(0.025, 0.01)
+        page.clock.run_for(200)
+        assert ask(page, "viewer.time") == near(0.05, 0.01)
         page.get_by_label("loop").uncheck()
-        ask(page, "viewer.seek(0.975)")
-        page.clock.run_for(100)
+        ask(page, "viewer.seek(0.95)")
+        page.clock.run_for(200)
         assert ask(page, "[viewer.time, viewer.playing]") == [1.0, False]
 
 
@@ -231,6 +231,7 @@ def test_layers_are_switched(page_of: Callable[[str], Any]) -> None:
 
 def test_panes_share_a_camera(page_of: Callable[[str], Any]) -> None:
     page = page_of("several")
+    before = panes(page)
     views = "viewer.panes.map(p => p.camera.position.clone().sub(p.controls.target).toArray())"
     one, other = ask(page, views)
     assert one == pytest.approx(other)
@@ -242,6 +243,7 @@ def test_panes_share_a_camera(page_of: Callable[[str], Any]) -> None:
     turned, followed = ask(page, views)
     assert turned == pytest.approx(followed)
     assert np.linalg.norm(np.subtract(turned, one)) > 0.2
+    assert all(changed_fraction(*each) > 0.02 for each in zip(before, panes(page), strict=True))
     page.locator(".playback-view").last.dblclick()
     assert ask(page, views) == [pytest.approx(one), pytest.approx(other)]
 
