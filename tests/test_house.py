@@ -118,7 +118,7 @@ def test_imports_go_down_the_layers_and_each_thing_has_one_place() -> None:
 # What there is to read and to learn. Ceilings only go down, unless a new capability says in the
 # change that raises one what it costs.
 CEILINGS = {
-    ".": Size(nodes=11578, nodes_per_line=7.22, packed=2, constants=8),
+    ".": Size(nodes=11583, nodes_per_line=7.22, packed=2, constants=8),
     "cli": Size(nodes=11291, nodes_per_line=6.15, packed=0, constants=13),
     "compiled": Size(nodes=3054, nodes_per_line=5.68, packed=0, constants=10),
     "drawing": Size(nodes=37014, nodes_per_line=7.78, packed=1, constants=179),
@@ -127,9 +127,9 @@ CEILINGS = {
     "logarithm": Size(nodes=13517, nodes_per_line=7.05, packed=0, constants=83),
     "manifold": Size(nodes=9929, nodes_per_line=7.39, packed=0, constants=23),
     "model": Size(nodes=32747, nodes_per_line=7.86, packed=3, constants=41),
-    "ocp": Size(nodes=39386, nodes_per_line=7.4, packed=1, constants=171),
+    "ocp": Size(nodes=39401, nodes_per_line=7.4, packed=1, constants=171),
     "recordings": Size(nodes=36799, nodes_per_line=7.12, packed=3, constants=98),
-    "retargeting": Size(nodes=31025, nodes_per_line=7.24, packed=2, constants=141),
+    "retargeting": Size(nodes=31045, nodes_per_line=7.24, packed=2, constants=141),
     "studies": Size(nodes=17065, nodes_per_line=6.37, packed=0, constants=18),
     "synergies": Size(nodes=13486, nodes_per_line=7.31, packed=0, constants=27),
     "trajectory": Size(nodes=19979, nodes_per_line=7.81, packed=0, constants=55),
@@ -139,7 +139,7 @@ PUBLIC_NAMES = 174
 PARAMETERS = 546  # of public functions
 PARAMETERS_OF_ONE = 20
 OPTIONS = 264  # of all commands
-WORDS = 50412  # of README, CONTRIBUTING and the guides
+WORDS = 50407  # of README, CONTRIBUTING and the guides
 
 
 def test_rooms_do_not_grow() -> None:

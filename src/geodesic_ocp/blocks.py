@@ -489,6 +489,7 @@ class BlockProgram:
         options: Mapping[str, Any],
         multipliers: tuple[Array, Array] | None = None,
         p: Array | tuple[()] = (),
+        relay: Relay | None = None,
     ) -> Outcome:
         """Return the solution by Ipopt from x, within bounds of the variables.
 
@@ -499,11 +500,12 @@ class BlockProgram:
             multipliers: guesses of those of the bounds (size,) and of the constraint functions
                 (size_g,), for a warm start.
             p: values of the parameters.
+            relay: called in every iteration.
         """
         lower, upper = bounds
         lower_g, upper_g = self.bounds
         known = dict(zip(("lam_x0", "lam_g0"), multipliers or (), strict=False))
-        return self.solver(options)(
+        return self.solver(options, relay)(
             **known,
             x0=np.clip(x, lower, upper),
             p=np.asarray(p, dtype=float),

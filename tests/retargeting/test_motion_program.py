@@ -423,3 +423,8 @@ def test_functions_add_constraints_and_costs(
 def test_arms_must_be_given() -> None:
     with pytest.raises(ValueError, match="arms must be at least one"):
         plan_synergies([])
+
+
+def test_a_cost_must_be_a_function(waypoints: ArmWaypoints) -> None:
+    with pytest.raises(ValueError, match=r"cost must be a function of \(model, q, v\), got 3.0"):
+        plan_synergies([waypoints], cost=3.0)  # type: ignore[arg-type]

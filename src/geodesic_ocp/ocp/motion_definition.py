@@ -97,6 +97,21 @@ def basis_of(degree: int) -> SegmentBasis:
 
 
 @dataclass(frozen=True, eq=False)
+class BoundedGroup:
+    """Conditions along a motion that hold at the same instants.
+
+    Attributes:
+        conditions: the conditions.
+        terms: their values at an instant, in their scales.
+        is_equality: whether all of them are equalities.
+    """
+
+    conditions: tuple[Condition, ...]
+    terms: Terms
+    is_equality: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Phase:
     """The expressions of one phase, in its states (q, v, a), jerk and time, or in both ends.
 
@@ -215,16 +230,14 @@ class Phase:
         return self._terms(state, cost, ca.SX(0, 1))
 
     @cached_property
-    def groups(self) -> tuple[tuple[tuple[Condition, ...], Terms, bool], ...]:
-        """Conditions along the motion, equalities first, with their terms at an instant and whether
-        they are equalities.
-        """
+    def groups(self) -> tuple[BoundedGroup, ...]:
+        """Conditions along the motion: equalities, and all others."""
         equal = tuple(each for each in self.along if np.all(each.lower == each.upper))
         others = tuple(each for each in self.along if each not in equal)
         pairs = ((equal, True), (others, False))
         return tuple(
-            (group, self._terms(self.state, ca.SX(0.0), _in_scales(group)), is_equal)
-            for group, is_equal in pairs
+            BoundedGroup(group, self._terms(self.state, ca.SX(0.0), _in_scales(group)), is_equality)
+            for group, is_equality in pairs
             if group
         )
 
@@ -280,13 +293,13 @@ class Phase:
         shares = piece.duration * np.outer(np.diff(piece.fractions), weights).ravel()
         return float(shares @ speeds**2 / 2.0)
 
-    def instants(self, piece: Piece, is_equal: bool) -> Array:
+    def instants(self, piece: Piece, is_equality: bool) -> Array:
         """Return fractions of the duration at which conditions along the motion are constrained.
 
         Equalities, such as a passive joint's, leave no freedom at more points than a polynomial of
         a segment has coefficients beyond position and velocity.
         """
-        if is_equal:
+        if is_equality:
             nodes, _ = leggauss(piece.basis.bubbles + 2)
             return instants(piece.fractions, (nodes + 1.0) / 2.0)
         inside = instants(piece.fractions, piece.basis.rule[0])
@@ -339,12 +352,12 @@ class MotionNLP:
         program: its blocks.
         rows: its constraint functions by condition; those that keep accelerations continuous are
             none.
-        bounds: of the variables (2, size).
+        bounds: lower and upper, of the variables (size,).
     """
 
     program: BlockProgram
     rows: tuple[ConstrainedRows, ...]
-    bounds: Array
+    bounds: tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -499,7 +512,8 @@ class MotionDefinition:
         unit_of_cost = ca.MX.sym("unit")
         blocks: list[Block] = []
         rows: list[ConstrainedRows] = []
-        bounds = np.tile([[-np.inf], [np.inf]], size)
+        lower_x = np.full(size, -np.inf)
+        upper_x = np.full(size, np.inf)
 
         def add(block: Block, group: Sequence[Condition], phase: int) -> None:
             first = sum(each.size_g for each in blocks)
@@ -552,7 +566,8 @@ class MotionDefinition:
         for number, (phase, piece) in enumerate(zip(self.phases, pieces, strict=True)):
             place = _Places(phase, piece, self.basis, firsts[number], at_durations[number], size)
             if phase.is_free:
-                bounds[:, at_durations[number]] = np.divide(phase.durations, phase.duration)
+                lower_x[place.at_duration] = phase.durations[0] / phase.duration
+                upper_x[place.at_duration] = phase.durations[1] / phase.duration
             s, weights = self.basis.rule
             at = instants(piece.fractions, s)
             shares = np.outer(np.diff(piece.fractions), weights).ravel()
@@ -569,19 +584,19 @@ class MotionDefinition:
             )
             if phase.has_rate and len(piece.fractions) > 2:
                 blocks.append(place.jumps())
-            for group, terms, is_equal in phase.groups:
-                at = phase.instants(piece, is_equal)
-                lower, upper = _bounds(group, at.size)
+            for bounded in phase.groups:
+                at = phase.instants(piece, bounded.is_equality)
+                lower, upper = _bounds(bounded.conditions, at.size)
                 times = at if phase.is_free else piece.duration * at
                 block = Block(
-                    terms,
+                    bounded.terms,
                     place.at(at, range(3)),
                     times[:, None],
                     lower,
                     upper,
                     units=place.units(at.size, 3),
                 )
-                add(block, group, number)
+                add(block, bounded.conditions, number)
             last = len(piece.fractions) - 1
             at_knots(phase.ends, phase.at_ends, [(number, 0), (number, last)])
             inner = [int(np.argmin(np.abs(piece.fractions - s))) for s in phase.via_fractions]
@@ -590,7 +605,7 @@ class MotionDefinition:
         for number, group in enumerate(self.joins):
             last = len(pieces[number].fractions) - 1
             at_knots(group, self.ends, [(number, last), (number + 1, 0)])
-        return MotionNLP(BlockProgram(size, blocks, unit_of_cost), tuple(rows), bounds)
+        return MotionNLP(BlockProgram(size, blocks, unit_of_cost), tuple(rows), (lower_x, upper_x))
 
     def violations(self, pieces: Sequence[Piece]) -> tuple[dict[str, float], list[Array]]:
         """Return the largest violation of each condition of a motion by name, and violations along

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
-from os import PathLike
-from pathlib import Path as FilePath
 from typing import Any
 
 import casadi as ca
@@ -19,8 +17,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.certificate import stationarity_and_index
 from geodesic_ocp.ocp.motion_definition import MotionDefinition, MotionNLP, Piece
 from geodesic_ocp.ocp.motion_problem import MotionPhases, MotionProblem
-from geodesic_ocp.ocp.solution import FORMAT, VERSION, Attempt, Stats, encoded_fields
-from geodesic_ocp.records import as_json, write_record
+from geodesic_ocp.ocp.solution import Attempt, SavedSolution, Stats
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.timed_motion import TimedMotion
 
@@ -154,7 +151,7 @@ class PhasedMotion(TimedMotion, ShortRepr):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionSolution(PhasedMotion):
+class MotionSolution(PhasedMotion, SavedSolution):
     """The motion of least cost under a problem's conditions, or the last iterate towards one.
 
     Attributes:
@@ -177,11 +174,6 @@ class MotionSolution(PhasedMotion):
             f"  {stats.status} in {stats.total_iterations} iterations, "
             f"{stats.total_seconds:.2g} s; largest violation {stats.max_path_violation:.1e}"
         )
-
-    @property
-    def objective(self) -> float:
-        """The value reached, int cost dt."""
-        return self.stats.objective
 
     @cached_property
     def _definition(self) -> MotionDefinition:
@@ -218,10 +210,10 @@ class MotionSolution(PhasedMotion):
     def multiplier_times(self) -> Mapping[str, Array]:
         """Times (k,) [s] at which each condition along a phase holds in the program, by name."""
         return {
-            each.name: piece.start + piece.duration * phase.instants(piece, is_equal)
+            each.name: piece.start + piece.duration * phase.instants(piece, group.is_equality)
             for phase, piece in zip(self._definition.phases, self.pieces, strict=True)
-            for group, _, is_equal in phase.groups
-            for each in group
+            for group in phase.groups
+            for each in group.conditions
         }
 
     @cached_property
@@ -259,29 +251,9 @@ class MotionSolution(PhasedMotion):
         """Return the solution as JSON values: pieces of the motion [rad or m, s], statistics,
         multipliers; the problem as `Solution.record` does.
         """
-        record = {
-            "format": FORMAT,
-            "version": VERSION,
-            "problem": type(self.problem).__qualname__,
-            "module": type(self.problem).__module__,
-            **encoded_fields(self.problem),
-            "joint_names": self.metric.joint_names,
-            "pieces": [asdict(each) for each in self.pieces],
-            "stats": asdict(self.stats),
-            "multipliers": dict(self.multipliers),
-            "numbers": asdict(self.numbers),
-            "attempts": [asdict(each) for each in self.attempts],
-        }
-        plain: dict[str, Any] = as_json(record)
-        return plain
-
-    def save(self, file: str | PathLike[str]) -> FilePath:
-        """Write `record` to a JSON file, which `load_solution` reads; all of it or nothing.
-
-        Returns:
-            Path of the file.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
-        return write_record(file, self.record())
+        return self.recorded(
+            pieces=[asdict(each) for each in self.pieces],
+            numbers=asdict(self.numbers),
+            multipliers=dict(self.multipliers),
+            attempts=[asdict(each) for each in self.attempts],
+        )

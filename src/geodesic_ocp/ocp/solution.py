@@ -220,8 +220,50 @@ FORMAT = "geodesic_ocp solution"
 VERSION = 1
 
 
+class SavedSolution:
+    """What solutions of paths and of motions have in common: an objective, and a file."""
+
+    problem: Any
+    stats: Stats
+
+    @property
+    def objective(self) -> float:
+        """The value reached: energy and running cost of a path, cost of a motion."""
+        return self.stats.objective
+
+    def record(self) -> dict[str, Any]:
+        """Return the solution as JSON values."""
+        raise TypeError(f"{type(self).__name__} has no record")
+
+    def recorded(self, **found: Any) -> dict[str, Any]:
+        """Return JSON values of the problem, the statistics, and what was found."""
+        record = {
+            "format": FORMAT,
+            "version": VERSION,
+            "problem": type(self.problem).__qualname__,
+            "module": type(self.problem).__module__,
+            **encoded_fields(self.problem),
+            "joint_names": self.problem.metric.joint_names,
+            "stats": asdict(self.stats),
+            **found,
+        }
+        plain: dict[str, Any] = as_json(record)
+        return plain
+
+    def save(self, file: str | PathLike[str]) -> FilePath:
+        """Write `record` to a JSON file, which `load_solution` reads; all of it or nothing.
+
+        Returns:
+            Path of the file.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        return write_record(file, self.record())
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution:
+class Solution(SavedSolution):
     """A path of least energy under a problem's conditions, or the last iterate towards one.
 
     Attributes:
@@ -272,11 +314,6 @@ class Solution:
             lines.append(f"  {self.certificate}")
         return "\n".join(lines)
 
-    @property
-    def objective(self) -> float:
-        """The value reached, energy and running cost."""
-        return self.stats.objective
-
     @cached_property
     def violations(self) -> tuple[Violation, ...]:
         """Conditions that the path violates, between its nodes included, the worst first."""
@@ -317,35 +354,15 @@ class Solution:
         numbers = self._numbers
         arrays = {name: getattr(self.iterate, name) for name in ("x", "lam_x", "lam_g")}
         arrays["conditions"] = numbers.kept
-        record = {
-            "format": FORMAT,
-            "version": VERSION,
-            "problem": type(self.problem).__qualname__,
-            "module": type(self.problem).__module__,
-            **encoded_fields(self.problem),
-            "joint_names": self.path.metric.joint_names,
-            "grid": asdict(numbers.grid),
-            "s": numbers.grid.nodes,
-            "nodes": self.path.nodes,
-            "stats": asdict(self.stats),
-            "multipliers": dict(self.multipliers),
-            "nlp": asdict(numbers.units) | arrays,
-            "size": numbers.size,
-            "scales": numbers.scales,
-        }
-        plain: dict[str, Any] = as_json(record)
-        return plain
-
-    def save(self, file: str | PathLike[str]) -> FilePath:
-        """Write `record` to a JSON file, which `load_solution` reads; all of it or nothing.
-
-        Returns:
-            Path of the file.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
-        return write_record(file, self.record())
+        return self.recorded(
+            grid=asdict(numbers.grid),
+            s=numbers.grid.nodes,
+            nodes=self.path.nodes,
+            nlp=asdict(numbers.units) | arrays,
+            size=numbers.size,
+            scales=numbers.scales,
+            multipliers=dict(self.multipliers),
+        )
 
     def resample(self, count: int) -> Array:
         """Return positions (count, n) along the path; see `Path.resample`."""

@@ -120,15 +120,26 @@ def solve(
         >>> problem.model.hand_pose(solution.path(1.0))[1].round(6).tolist()
         [0.1, 0.45, -0.05]
     """
-    as_integer("num_starts", num_starts, 1)
+    num_starts = as_integer("num_starts", num_starts, 1)
+    if guess is not None and num_starts > 1:
+        raise ValueError("num_starts: other guesses are found only where no guess is given")
     if not isinstance(grid, Grid | None):
         raise ValueError(f"grid must be a Grid, got {grid!r}")
     if not isinstance(ipopt, Mapping | None):
         raise ValueError(f"ipopt must be options of Ipopt by name, got {ipopt!r}")
-    options: dict[str, Any] = {"grid": grid, "guess": guess, "tolerance": tolerance}
-    options |= {"callback": callback, "ipopt": ipopt, "num_starts": num_starts}
     if isinstance(problem, MotionProblem | MotionPhases):
-        return solve_motion(problem, throw=throw, **options)
+        if not isinstance(guess, MotionGuess | None):
+            raise ValueError(f"guess must be a motion or a solution that is one, got {guess!r}")
+        return solve_motion(
+            problem,
+            grid=grid,
+            guess=guess,
+            tolerance=tolerance,
+            throw=throw,
+            callback=callback,
+            ipopt=ipopt,
+            num_starts=num_starts,
+        )
     if not isinstance(problem, Problem):
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
@@ -144,8 +155,6 @@ def solve(
             raise ValueError(
                 f"guess has {path.metric.dim} coordinates, the problem {definition.metric.dim}"
             )
-    if guess is not None and num_starts > 1:
-        raise ValueError("num_starts: other guesses are found only where no guess is given")
     if conditions.via and num_starts > 1:
         raise ValueError("num_starts: problems with via points are solved from one guess")
     if tolerance is not None:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from geodesic_ocp.arrays import Array, as_integer, as_positive, real_array
+from geodesic_ocp.arrays import Array, as_positive, real_array
 from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import LIMITS, STOPPED, Outcome, Relay
@@ -84,10 +84,6 @@ def solve_motion(
         NotConverged: Ipopt found no solution, or a condition is violated between the points.
     """
     definition = MotionDefinition.of(problem, grid)
-    if guess is not None and num_starts > 1:
-        raise ValueError("num_starts: other guesses are found only where no guess is given")
-    if guess is not None and not isinstance(guess, Motion | TimedMotion):
-        raise ValueError(f"guess must be a motion or a solution that is one, got {guess!r}")
     own = first_guess(definition)
     given = None if guess is None else _stretched(guess, definition, own, grid is not None)
     search = _MotionSearch(
@@ -97,22 +93,35 @@ def solve_motion(
         ipopt=dict(ipopt or {}),
         callback=callback,
     )
-    wanted = as_integer("num_starts", num_starts, 1)
-    best = search.best(own, given, wanted)
+    best = search.best(own, given, num_starts)
     if throw and not best.stats.success:
-        raise NotConverged(_failure(best), best)
+        raise NotConverged(_failure(best, search.tolerance), best)
     return best
 
 
-def _failure(last: MotionSolution) -> str:
+def _failure(last: MotionSolution, tolerance: float) -> str:
     stats = last.stats
     kind = type(last.problem).__name__
     worst = ""
-    if stats.max_path_violation > _TOLERANCE and stats.worst_constraint not in stats.status:
+    if stats.max_path_violation > tolerance and stats.worst_constraint not in stats.status:
         worst = f"; {stats.worst_constraint} is violated by {stats.max_path_violation:.2g}"
     tried = [each.guess or "the initial guess" for each in last.attempts]
     told = f" (tried: {', '.join(tried)})" if len(tried) > 1 else ""
     return f"{kind} was not solved: {stats.status}{worst}{told}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Looked:
+    """A motion with its violations, see `MotionDefinition.violations`."""
+
+    motion: MotionSolution
+    violated: dict[str, float]
+    along: list[Array]
+
+    def failed(self, status: str) -> _Looked:
+        """Return it as the last iterate of a solve that failed."""
+        stats = replace(self.motion.stats, success=False, status=status)
+        return replace(self, motion=replace(self.motion, stats=stats))
 
 
 @dataclass(eq=False)
@@ -136,20 +145,24 @@ class _MotionSearch:
         """
         is_known = given is not None or self._gives_guess or not self.definition.has_bounds
         enough = max(wanted, 1 if is_known else _COMPARED)
+        first: list[_Looked] = []
         tried: list[MotionSolution] = []
         for name, pieces in self.starts(own, given):
-            one = self._solved(pieces)
+            first.append(self._solved(pieces))
+            one = first[-1].motion
             tried.append(replace(one, stats=replace(one.stats, guess=name)))
             if self._was_ended(one) or sum(each.stats.success for each in tried) >= enough:
                 break
-        order = sorted(range(len(tried)), key=lambda k: tried[k].objective)
+        order = sorted(
+            range(len(tried)), key=lambda k: (not tried[k].stats.success, tried[k].objective)
+        )
         found: list[MotionSolution] = []
-        for k in order if not self._was_ended(tried[-1]) else ():
+        for k in () if self._was_ended(tried[-1]) else order:
+            tried[k] = self._refined(replace(first[k], motion=tried[k]))
             if tried[k].stats.success:
-                tried[k] = self._refined(tried[k])
-                found += [tried[k]] * tried[k].stats.success
-                if self._was_ended(tried[k]) or len(found) >= wanted:
-                    break
+                found.append(tried[k])
+            if self._was_ended(tried[k]) or len(found) >= wanted:
+                break
         ended = [each for each in tried if self._was_ended(each)]
         best = min(found or ended or tried[:1], key=lambda each: each.objective)
         attempts = tuple(
@@ -187,7 +200,7 @@ class _MotionSearch:
 
     def _without_bounds(self, own: _Pieces) -> _Pieces:
         definition = self.definition.without_bounds()
-        found = replace(self, definition=definition, callback=None, programs={})._solved(own)
+        found = replace(self, definition=definition, callback=None, programs={})._solved(own).motion
         return found.pieces if found.stats.success else own
 
     def _program(self, pieces: _Pieces) -> MotionNLP:
@@ -198,7 +211,7 @@ class _MotionSearch:
             self.programs[key] = self.definition.nlp(pieces)
         return self.programs[key]
 
-    def _solved(self, pieces: _Pieces, before: MotionSolution | None = None) -> MotionSolution:
+    def _solved(self, pieces: _Pieces, before: MotionSolution | None = None) -> _Looked:
         """Return the solution on the knots of a motion near to it, or the last iterate.
 
         `before`: solution from which the motion comes.
@@ -217,58 +230,53 @@ class _MotionSearch:
         stats = None if before is None else before.stats
         return self._solution(nlp, outcome, pieces, unit, stats)
 
-    def _refined(self, first: MotionSolution) -> MotionSolution:
+    def _refined(self, first: _Looked) -> MotionSolution:
         """Return the solution on as many segments, with conditions at as many instants, as it takes
         to the tolerance.
         """
-        definition = self.definition
+        groups = [group for phase in self.definition.phases for group in phase.groups]
+        equalities = [each.name for one in groups if one.is_equality for each in one.conditions]
 
-        def solve(start: tuple[_Pieces, MotionSolution] | None) -> MotionSolution:
+        def solve(start: tuple[_Pieces, MotionSolution] | None) -> _Looked:
             return first if start is None else self._solved(*start)
 
         def examine(
-            number: int, found: MotionSolution
-        ) -> tuple[MotionSolution, tuple[_Pieces, MotionSolution] | None]:
-            stats = found.stats
+            number: int, found: _Looked
+        ) -> tuple[_Looked, tuple[_Pieces, MotionSolution] | None]:
+            motion = found.motion
+            stats = motion.stats
             costs = [each.objective for each in stats.mesh_history]
             amount = stats.max_path_violation
             change = abs(costs[-1] - costs[-2]) if number else np.inf
             rounding = min(change, abs(costs[-1]))  # a cost that vanishes decreases no further
             is_met = amount <= self.tolerance
-            if not stats.success and rounding <= _ROUNDING * found.numbers.unit and is_met:
-                status = "the cost changes by rounding alone"
-                return replace(found, stats=replace(stats, success=True, status=status)), None
+            if not stats.success and rounding <= _ROUNDING * motion.numbers.unit and is_met:
+                told = replace(stats, success=True, status="the cost changes by rounding alone")
+                return replace(found, motion=replace(motion, stats=told)), None
             if not stats.success:
                 return found, None
             is_known = change <= self.tolerance * abs(costs[-1])
-            violated, along = definition.violations(found.pieces)
-            equal = [
-                violated[each.name]
-                for phase in definition.phases
-                for group, _, is_equal in phase.groups
-                for each in group
-                if is_equal
-            ]
-            is_fine = is_known and max(equal, default=0.0) <= self.tolerance
+            between = max((found.violated[name] for name in equalities), default=0.0)
+            is_fine = is_known and between <= self.tolerance
             is_settled = is_fine or number >= _BISECTIONS or self.is_given
             if is_met and is_settled:
                 return found, None
             following = []
-            for piece, amounts in zip(found.pieces, along, strict=True):
+            for piece, amounts in zip(motion.pieces, found.along, strict=True):
                 where = amounts[amounts[:, 1] > self.tolerance, 0]
                 more = replace(piece, more=np.union1d(piece.more, where))
                 following.append(more if is_settled else _halved(more))
-            sizes = [each.more.size for each in found.pieces]
+            sizes = [each.more.size for each in motion.pieces]
             is_last = is_settled and sizes == [each.more.size for each in following]
             if is_last or number == _ROUNDS - 1:
                 status = (
                     f"{stats.worst_constraint} is violated by {amount:.1e} between the instants of "
                     "the program"
                 )
-                return replace(found, stats=replace(stats, success=False, status=status)), None
-            return found, (tuple(following), found)
+                return found.failed(status), None
+            return found, (tuple(following), motion)
 
-        return in_rounds(None, solve, examine, _ROUNDS)
+        return in_rounds(None, solve, examine, _ROUNDS).motion
 
     def _unit(self, nlp: MotionNLP, x: Array) -> float:
         """Return the cost of the guess, or of tiny motions where it is smaller.
@@ -292,16 +300,8 @@ class _MotionSearch:
         relay = None
         if self.callback is not None:
             relay = self._relay(nlp, pieces, unit, self.callback)
-        lower_g, upper_g = nlp.program.bounds
-        lower, upper = nlp.bounds
-        return nlp.program.solver({**_IPOPT, **near, **self.ipopt}, relay)(
-            x0=np.clip(x, lower, upper),
-            p=np.array([unit]),
-            lbx=lower,
-            ubx=upper,
-            lbg=lower_g,
-            ubg=upper_g,
-        )
+        options = {**_IPOPT, **near, **self.ipopt}
+        return nlp.program.solve(x, nlp.bounds, options, p=np.array([unit]), relay=relay)
 
     def _relay(self, nlp: MotionNLP, pieces: _Pieces, unit: float, callback: Callback) -> Relay:
         """Return what passes every iterate to a function, as a motion."""
@@ -327,12 +327,12 @@ class _MotionSearch:
         before: _Pieces,
         unit: float,
         previous: Stats | None,
-    ) -> MotionSolution:
+    ) -> _Looked:
         """Return the motion of a solve, with its statistics after those of previous ones."""
         definition = self.definition
         pieces = definition.pieces(outcome.x, before)
         at_nodes, name = _worst(nlp, outcome.g)
-        found, _ = definition.violations(pieces)
+        found, along = definition.violations(pieces)
         worst = max(found, key=lambda each: found[each], default="")
         anywhere = max(found.get(worst, 0.0), at_nodes)
         objective = unit * outcome.objective
@@ -363,7 +363,7 @@ class _MotionSearch:
             lam_x=outcome.lam_x,
             lam_g=outcome.lam_g,
         )
-        return MotionSolution(definition.problem, pieces, stats, numbers)
+        return _Looked(MotionSolution(definition.problem, pieces, stats, numbers), found, along)
 
 
 def first_guess(definition: MotionDefinition) -> _Pieces:

@@ -243,15 +243,15 @@ class SynergyPaths(ShortRepr):
     """
 
     arms: tuple[ArmWaypoints, ...]
-    candidates: tuple[tuple[Candidates, ...], ...] | None = None
-    clearance: Clearance | None = None
-    stretch: float = 5.0
-    posture: float = 0.0
-    likeness: float = 30.0
-    tolerance: float = 1e-6
-    cost: ArmCost | None = None
-    constraints: ArmConstraints | None = None
-    progress: Progress | None = None
+    candidates: tuple[tuple[Candidates, ...], ...] | None
+    clearance: Clearance | None
+    stretch: float
+    posture: float
+    likeness: float
+    tolerance: float
+    cost: ArmCost | None
+    constraints: ArmConstraints | None
+    progress: Progress | None
     _shown = ("clearance", "stretch", "posture", "likeness", "tolerance")
 
     def __post_init__(self) -> None:
@@ -260,6 +260,10 @@ class SynergyPaths(ShortRepr):
             raise ValueError(f"arms must be a tuple of ArmWaypoints, got {arms!r}")
         if not arms:
             raise ValueError("arms must be at least one, got none")
+        for name in ("cost", "constraints"):
+            given = getattr(self, name)
+            if not (given is None or callable(given)):
+                raise ValueError(f"{name} must be a function of (model, q, v), got {given!r}")
 
     def of_arm(self, number: int) -> ArmProblem:
         """Return the energy of one arm and the conditions along its paths."""

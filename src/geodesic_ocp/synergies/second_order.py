@@ -17,7 +17,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.motion_problem import MotionProblem
 from geodesic_ocp.ocp.problem import Equality
-from geodesic_ocp.ocp.solve_motion import solve_motion
+from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.synergies.baselines import minimum_acceleration, minimum_jerk, minimum_jerk_hand
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments
@@ -134,7 +134,7 @@ def least_effort(
     """
     velocity = observed_velocity(motion)
     edges = [0, *(stop for _, stop in as_segments(motion, segments))]
-    found = solve_motion(kind(metric, model, motion, velocity, edges))
+    found = solve(kind(metric, model, motion, velocity, edges))
     t = motion.time - motion.time[0]
     return Motion(motion.time, found(t), motion.joint_names, found(t, 1), motion.subject)
 
